@@ -1,0 +1,1 @@
+"""Files: YAML in, records out."""

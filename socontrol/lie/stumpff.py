@@ -1,0 +1,56 @@
+"""Stumpff functions, the coefficients of every exponential and tangent map in this library.
+
+    c_k(x) = sum_i (-x)^i / (2 i + k)!,   x = t^2,   t = rotation angle in radians
+
+    c_0 = cos t,  c_1 = sin t / t,  c_2 = (1 - cos t) / t^2,  c_3 = (t - sin t) / t^3, ...
+    c_k = 1/k! - x c_{k+2},   dc_k/dx = -(c_{k+1} - k c_{k+2}) / 2
+
+They are entire functions of t^2, so a series in t^2 has the right derivatives of every order at t = 0.
+Source: K. Stumpff, "Himmelsmechanik I", 1959; J. Danby, "Fundamentals of Celestial Mechanics", 1988, ch. 6.
+"""
+
+from math import factorial, pi
+
+import casadi as ca
+
+RANGE = 2 * pi  # largest rotation angle for which `series` keeps its accuracy
+TERMS = 17  # c_0 at x = RANGE^2 drops RANGE^38 / 38! = 4e-15 first; 16 terms would drop 1e-13
+SWITCH = 10.0  # in x: the closed forms divide rounding errors by x up to four times (c_5''), harmless above 1
+SWITCH_TERMS = 14  # below SWITCH c_0'' drops 16^2 SWITCH^14 / 32! = 1e-19 first
+
+
+def series(x, terms=TERMS):
+    """(c_0, ..., c_5) at x = t^2 [scalar], branch-free, to 1e-13 for 0 <= t <= RANGE.
+
+    Only c_4 and c_5 are summed (Horner), the others follow by c_k = 1/k! - x c_{k+2}.
+    """
+    c4, c5 = _horner(x, 4, terms), _horner(x, 5, terms)
+    c2, c3 = 1 / 2 - x * c4, 1 / 6 - x * c5
+    return 1 - x * c2, 1 - x * c3, c2, c3, c4, c5
+
+
+def switched(x):
+    """(c_0, ..., c_5) at any x = t^2 >= 0 [scalar]: the series below SWITCH, sines and cosines above.
+
+    Each branch sees its own safe argument, so that the branch not taken stays finite, derivatives included.
+    """
+    near = x < SWITCH
+    small = series(ca.if_else(near, x, SWITCH), SWITCH_TERMS)
+    large = _closed(ca.if_else(near, SWITCH, x))
+    return tuple(ca.if_else(near, a, b) for a, b in zip(small, large, strict=True))
+
+
+def _horner(x, k, terms):
+    """The first `terms` terms of c_k(x) [scalar]."""
+    value = 1 / factorial(2 * (terms - 1) + k)
+    for i in reversed(range(terms - 1)):
+        value = 1 / factorial(2 * i + k) - x * value
+    return value
+
+
+def _closed(x):
+    """(c_0, ..., c_5) from sine and cosine, for x well above zero."""
+    t = ca.sqrt(x)
+    c0, c1 = ca.cos(t), ca.sin(t) / t
+    c2, c3 = (1 - c0) / x, (1 - c1) / x
+    return c0, c1, c2, c3, (1 / 2 - c2) / x, (1 / 6 - c3) / x

@@ -1,0 +1,1 @@
+"""What a robot does: poses, forces and their derivatives as expressions of q and u, and as CasADi Functions."""

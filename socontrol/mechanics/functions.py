@@ -1,0 +1,215 @@
+"""Named CasADi Functions of a robot. The only place of this floor where symbols are made."""
+
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from socontrol.lie import screws, se3, stumpff
+from socontrol.mechanics import internal
+from socontrol.mechanics.kinematics import Kinematics
+from socontrol.mechanics.statics import Statics
+
+
+class RobotFunction:
+    """A CasADi Function that refuses strains out of the range of the exponential's series.
+
+    Takes numpy, DM, SX or MX and returns what CasADi returns; `.function` is the Function itself.
+    """
+
+    def __init__(self, function, robot):
+        self.function, self._turn = function, _turning(robot.tree)
+
+    def __call__(self, *args):
+        if args and self._turn is not None and not isinstance(args[0], (ca.SX, ca.MX)):
+            self._check(np.asarray(args[0], dtype=float).ravel())
+        return self.function(*args)
+
+    def _check(self, q):
+        matrix, offset, names, columns = self._turn
+        if q.size != columns:
+            raise ValueError(f"{self.function.name()}: {q.size} coordinates given, {columns} wanted")
+        angles = np.linalg.norm((matrix @ q + offset).reshape(-1, 3), axis=1)
+        if not np.all(angles <= stumpff.RANGE):
+            worst = int(np.argmax(np.where(np.isnan(angles), np.inf, angles)))
+            raise ValueError(
+                f"{self.function.name()}: section {names[worst]} turns by {angles[worst]:.3g} rad; a section holds for"
+                f" up to 2 pi: use more sections or smaller strains"
+            )
+
+    def __getattr__(self, name):
+        return getattr(self.function, name)
+
+    def __repr__(self):
+        return repr(self.function)
+
+
+def _turning(tree):
+    """(matrix, offset, names, n): angle of each section = |matrix q + offset|, None without numeric rods."""
+    rows, offsets, names = [], [], []
+    for piece in tree.pieces:
+        if not piece.is_rod or not ca.SX(piece.xi_bar * piece.length).is_constant():
+            continue
+        block = np.zeros((3, tree.n))
+        block[:, piece.columns] = float(piece.length) * np.array(piece.Phi.full())[:3]
+        rows.append(block)
+        offsets.append(float(piece.length) * np.array(ca.DM(piece.xi_bar).full()).ravel()[:3])
+        names.append(f"{piece.segment}.{piece.index}")
+    return (np.vstack(rows), np.hstack(offsets), names, tree.n) if rows else None
+
+
+class Functions:
+    """Functions of q [n], u [m] and, with parameters, a trailing p; see each one for shape and unit.
+
+    Angular first, body frame, SI. `p` stacks the parameters in the order they were named; `defaults` [p] holds
+    the robot's own values.
+    """
+
+    def __init__(self, robot, parameters=()):
+        self.base, self.parameters = robot, parameters
+        values = {path: np.ravel(np.array(robot.value(path), dtype=float)) for path in parameters}
+        self.defaults = np.concatenate([*values.values()]) if values else np.zeros(0)
+        self._p = ca.SX.sym("p", len(self.defaults))
+        self._q = ca.SX.sym("q", robot.n)
+        self._u = ca.SX.sym("u", robot.m)
+        pieces = ca.vertsplit(self._p, np.cumsum([0, *(v.size for v in values.values())]).tolist()) if values else []
+        self.robot = robot.with_values(
+            {path: _like(robot.value(path), symbol) for path, symbol in zip(values, pieces, strict=True)}
+        )
+        self._made = {}
+
+    def _function(self, name, arguments, expression, outputs=None):
+        if name not in self._made:
+            symbols = {"q": self._q, "u": self._u, "p": self._p, **{s.name(): s for s in ()}}
+            names = [*arguments, "p"] if self.parameters else list(arguments)
+            results = expression()
+            results = results if isinstance(results, (list, tuple)) else [results]
+            results = [ca.densify(ca.SX(r)) for r in results]
+            function = ca.Function(name, [symbols[n] for n in names], results, names, outputs or ["out"])
+            self._made[name] = RobotFunction(function, self.base)
+        return self._made[name]
+
+    @cached_property
+    def _kin(self):
+        return Kinematics(self.robot.tree, self._q)
+
+    @cached_property
+    def _statics(self):
+        return Statics(self.robot, self._q, self._u)
+
+    def pose(self, segment, X=1.0):
+        """World <- frame at X of a segment [4 x 4] (q)."""
+        frame = self.robot.tree.locate(segment, X)
+        return self._function(_name("pose", segment, X), "q", lambda: self._kin.frame_pose(frame))
+
+    def jacobian(self, segment, X=1.0):
+        """Body Jacobian [6 x n] of the frame at X of a segment (q)."""
+        frame = self.robot.tree.locate(segment, X)
+        return self._function(_name("jacobian", segment, X), "q", lambda: self._kin.jacobian(frame))
+
+    @property
+    def elastic_force(self):
+        """Elastic force [n] of rods and joint springs (q)."""
+        return self._function("elastic_force", "q", self._statics.elastic_force)
+
+    @property
+    def stiffness(self):
+        """Tangent [n x n] of the elastic force (q)."""
+        return self._function("stiffness", "q", self._statics.stiffness)
+
+    @property
+    def damping(self):
+        """Kelvin-Voigt and joint damping [n x n] (q)."""
+        return self._function("damping", "q", self._statics.damping)
+
+    @property
+    def external_force(self):
+        """Generalised force [n] of gravity and loads (q, qd); qd plays no part while nothing depends on it."""
+        qd = ca.SX.sym("qd", self.robot.n)
+        if "external_force" not in self._made:
+            result = ca.cse(ca.densify(ca.SX(self._statics.external_force())))
+            p = [self._p] if self.parameters else []
+            function = ca.Function("external_force", [self._q, qd, *p], [result])
+            self._made["external_force"] = RobotFunction(function, self.base)
+        return self._made["external_force"]
+
+    @property
+    def actuation(self):
+        """B [n x m], tau = B u (q)."""
+        return self._function("actuation", "q", self._statics.actuation)
+
+    @property
+    def actuator_lengths(self):
+        """Length [m] of each actuator's lines, summed over lines that share an input; a joint's coordinate (q)."""
+
+        def lengths():
+            tree = self.robot.tree
+            rows = [sum((line.length(tree, self._q) for line in shares), ca.SX(0)) for shares in self.robot.lines]
+            return ca.vertcat(*rows) if rows else ca.DM(0, 1)
+
+        return self._function("actuator_lengths", "q", lengths)
+
+    @property
+    def static_residual(self):
+        """Elastic - external - B u [n] (q, u)."""
+        return self._function("static_residual", "qu", self._statics.residual)
+
+    @property
+    def static_tangent(self):
+        """d(static_residual)/dq [n x n] (q, u)."""
+        return self._function("static_tangent", "qu", self._statics.tangent)
+
+    @property
+    def statics(self):
+        """Residual [n], its tangent [n x n] and B [n x m] in one Function (q, u)."""
+        s = self._statics
+        return self._function(
+            "statics", "qu", lambda: [s.residual(), s.tangent(), s.actuation()], ["residual", "tangent", "actuation"]
+        )
+
+    @property
+    def energy(self):
+        """Elastic and gravitational energy [2] in J (q)."""
+
+        def energies():
+            return ca.vertcat(self._statics.elastic_energy(), internal.gravitational_energy(self.robot, self._kin))
+
+        return self._function("energy", "q", energies)
+
+    def internal_wrench(self, segment, X):
+        """Elastic wrench [moment; force] at X of a rod that equilibrium asks for, body frame (q, u)."""
+        return self._function(
+            _name("internal_wrench", segment, X), "qu", lambda: internal.wrench(self._statics, segment, X)
+        )
+
+    def reaction(self, segment):
+        """Wrench on a segment from what carries it, at its base, base frame (q)."""
+        return self._function(_name("reaction", segment, 0), "q", lambda: internal.reaction(self._statics, segment))
+
+    def screw(self, segment, section=0):
+        """Function of numeric q that gives pitch, axis and magnitude of a section's or joint's screw."""
+        piece = self.base.tree.pieces[self.base.tree.of[segment][section]]
+        return lambda q: screws.screw(np.array(ca.DM(piece.strain(ca.DM(q)))).ravel(), float(piece.length))
+
+
+def _like(value, symbol):
+    """The symbol in the shape of the value it replaces."""
+    if not isinstance(value, (tuple, list)):
+        return symbol
+    if isinstance(value[0], (tuple, list)):
+        width = len(value[0])
+        return tuple(tuple(symbol[i * width + j] for j in range(width)) for i in range(len(value)))
+    return tuple(symbol[i] for i in range(len(value)))
+
+
+@lru_cache(maxsize=4096)
+def _name(kind, segment, X):
+    """A legal CasADi name for a Function of a place."""
+    text = f"{kind}_{segment}_{X:g}".replace(".", "_").replace("-", "m").replace("+", "")
+    text = "".join(c if c.isalnum() and c.isascii() else "_" for c in text)
+    while "__" in text:
+        text = text.replace("__", "_")
+    return text.strip("_")
+
+
+__all__ = ["Functions", "RobotFunction", "se3"]

@@ -1,0 +1,250 @@
+"""A robot: its description (what a file says) and what follows from it (tree, loads, actuators)."""
+
+import copy
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import casadi as ca
+
+from socontrol.lie import stumpff
+from socontrol.mechanics import loads as load_family
+from socontrol.mechanics.actuators import Actuator
+from socontrol.mechanics.loads import Load
+from socontrol.model.joints import JOINTS
+from socontrol.model.rods import Rod
+from socontrol.model.tree import build
+from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record
+
+SEGMENTS = {"rod": Rod, **JOINTS}
+Segment = Annotated[Any, OneOf(SEGMENTS, what="segment")]
+
+
+@record(kw_only=True)
+class Description:
+    """What a robot file says. Segments stand parents first; q and u follow the order of segments and actuators."""
+
+    segments: dict[str, Segment]
+    name: str = "robot"
+    gravity: Acceleration = (0.0, 0.0, -9.81)
+    actuators: dict[str, Actuator] | None = None
+    loads: dict[str, Load] | None = None
+    schema_version: Literal[1] = 1
+
+    def __post_init__(self):
+        if not self.segments:
+            raise Bad("segments", "a robot needs at least one segment")
+        Robot(self).check()
+
+    def families(self):
+        """The named mappings a value's path may start in."""
+        return {"segments": self.segments, "actuators": self.actuators or {}, "loads": self.loads or {}}
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The tree of pieces with loads and actuators. `factor` multiplies the Gauss points of every rod."""
+
+    description: Description
+    factor: int = 1
+
+    @cached_property
+    def tree(self):
+        try:
+            return build(self.description.segments, self.factor)
+        except Bad as bad:
+            raise Bad(f"segments.{bad.key}", str(bad)) from None
+
+    @cached_property
+    def loads(self):
+        """Point wrenches and force fields of gravity and of all loads."""
+        resolved = load_family.gravity(self.tree, self.description.gravity)
+        for name, load in (self.description.loads or {}).items():
+            resolved += _at(f"loads.{name}", load.resolve, self.tree)
+        return resolved
+
+    @cached_property
+    def lines(self):
+        """For each input, the shares of its lines in the pieces."""
+        resolved = []
+        for name, actuator in (self.description.actuators or {}).items():
+            resolved += _at(f"actuators.{name}", actuator.resolve, self.tree)
+        return resolved
+
+    def check(self):
+        """Raise Bad, pointing at the key, when segments, loads and actuators do not fit together."""
+        return self.n, self.loads, self.lines
+
+    @property
+    def name(self):
+        return self.description.name
+
+    @property
+    def n(self):
+        """Number of coordinates."""
+        return self.tree.n
+
+    @property
+    def m(self):
+        """Number of inputs."""
+        return len(self.lines)
+
+    @property
+    def segments(self):
+        """Names of the segments in file order."""
+        return tuple(self.description.segments)
+
+    @property
+    def coordinates(self):
+        """Names of q in order: `joint`, `joint.0`, `rod.section.strain`."""
+        return self.tree.coordinates
+
+    @property
+    def coordinate_units(self):
+        return self.tree.units
+
+    @cached_property
+    def inputs(self):
+        """Names of u in order."""
+        return tuple(name for name, _, _, _ in self._inputs)
+
+    @cached_property
+    def input_units(self):
+        return tuple(unit for _, unit, _, _ in self._inputs)
+
+    @cached_property
+    def input_limits(self):
+        """(lower, upper) of each input, infinite where none is given."""
+        return tuple((lower, upper) for _, _, lower, upper in self._inputs)
+
+    @cached_property
+    def _inputs(self):
+        rows = []
+        for name, actuator in (self.description.actuators or {}).items():
+            degrees = len(actuator.resolve(self.tree))
+            for k in range(degrees):
+                limits = actuator.limits
+                if limits is not None and isinstance(limits[0], (tuple, list)):
+                    limits = limits[k]
+                lower, upper = (-float("inf"), float("inf")) if limits is None else limits
+                rows.append((name if degrees == 1 else f"{name}.{k}", self._unit(actuator, k), lower, upper))
+        return tuple(rows)
+
+    def _unit(self, actuator, degree):
+        if hasattr(actuator, "joint"):
+            return self.description.segments[actuator.joint].units[degree][1]
+        return actuator.unit
+
+    @cached_property
+    def joint_limits(self):
+        """(lower, upper) of each coordinate from its joint's limits, infinite where none is given."""
+        rows = []
+        for piece in self.tree.pieces:
+            limits = None if piece.is_rod or piece.record.limits is None else piece.record.limit_pairs()
+            rows += limits or [(-float("inf"), float("inf"))] * piece.size
+        return tuple(rows)
+
+    @cached_property
+    def length(self):
+        """Sum of rod lengths and joint tips [m]: the size of the robot, for scaling."""
+        total = 0.0
+        for piece in self.tree.pieces:
+            offsets = [piece.placement[:3, 3], piece.end[:3, 3]]
+            total += float(piece.length) * piece.is_rod + sum(float(ca.norm_2(x)) for x in offsets)
+        return total or 1.0
+
+    def refined(self, sections=1, factor=1):
+        """The same robot with `sections` times as many sections a rod and `factor` times the Gauss points."""
+        segments = {
+            name: _changed(s, "sections", _split(s.sections, sections)) if isinstance(s, Rod) else s
+            for name, s in self.description.segments.items()
+        }
+        segments = {
+            name: _changed(s, "rest", _repeat(s.rest, sections)) if isinstance(s, Rod) else s
+            for name, s in segments.items()
+        }
+        return Robot(_changed(self.description, "segments", segments), self.factor * factor)
+
+    def with_loads(self, loads):
+        """The same robot with further named loads."""
+        if not loads:
+            return self
+        return Robot(_changed(self.description, "loads", {**(self.description.loads or {}), **loads}), self.factor)
+
+    def value(self, path):
+        """The value at a dotted path such as `module.material.young_modulus` or `loads.tip.force`."""
+        node = self.description
+        for key in self._keys(path):
+            node = node[key] if isinstance(node, dict) else getattr(node, key)
+        return node
+
+    def with_values(self, values):
+        """The same robot with values (numbers or CasADi symbols) at dotted paths; nothing is checked."""
+        description = self.description
+        for path, value in values.items():
+            description = _set(description, self._keys(path), value)
+        return Robot(description, self.factor)
+
+    def _keys(self, path):
+        """Keys from the description to a value; raises ValueError with what stands there instead."""
+        keys = path.split(".")
+        if keys[0] in self.description.segments and keys[0] not in ("loads", "actuators", "gravity"):
+            keys = ["segments", *keys]
+        node = self.description
+        for depth, key in enumerate(keys):
+            names = list(node) if isinstance(node, dict) else [f.name for f in fields(node)] if is_dataclass(node) else []
+            if key not in names:
+                raise ValueError(f"no value at '{path}': '{'.'.join(keys[:depth + 1])}'{nearest(key, names)}")
+            node = node[key] if isinstance(node, dict) else getattr(node, key)
+        return keys
+
+    def overstrained(self, q):
+        """Names of rod sections bent or twisted past the range |k| length <= 2 pi of the series, for numeric q."""
+        names = []
+        for piece in self.tree.pieces:
+            if piece.is_rod:
+                angle = float(ca.norm_2(piece.strain(ca.DM(q))[:3])) * float(piece.length)
+                if not angle <= stumpff.RANGE:
+                    names.append(f"{piece.segment}.{piece.index} ({angle:.3g} rad)")
+        return names
+
+    def functions(self, parameters=()):
+        """Named CasADi Functions of this robot; `parameters`: paths of values that become a trailing argument."""
+        from socontrol.mechanics.functions import Functions
+
+        return Functions(self, tuple(parameters))
+
+
+def _at(path, resolve, tree):
+    try:
+        return resolve(tree)
+    except Bad as bad:
+        raise Bad(f"{path}.{bad.key}", str(bad)) from None
+
+
+def _changed(record, key, value):
+    """A copy of a frozen record with one field changed, without its checks (which need numbers)."""
+    other = copy.copy(record)
+    object.__setattr__(other, key, value)
+    return other
+
+
+def _set(node, keys, value):
+    if not keys:
+        return value
+    key, rest = keys[0], keys[1:]
+    if isinstance(node, dict):
+        return {**node, key: _set(node[key], rest, value)}
+    return _changed(node, key, _set(getattr(node, key), rest, value))
+
+
+def _split(sections, times):
+    if isinstance(sections, tuple):
+        return tuple(part / times for part in sections for _ in range(times))
+    return sections * times
+
+
+def _repeat(rest, times):
+    if rest is None:
+        return None
+    return {k: tuple(x for x in v for _ in range(times)) if isinstance(v, tuple) else v for k, v in rest.items()}

@@ -1,0 +1,73 @@
+"""Balance of a robot at rest: residual, tangent, and the second derivatives an optimiser needs.
+
+    r(q, u) = f_elastic(q) - Q_loads(q) - B(q) u,    K_tot = dr/dq,
+all assembled piece by piece: elasticity and actuation are local to a piece, loads come from the sweep.
+"""
+
+from functools import cached_property
+
+import casadi as ca
+
+from socontrol.mechanics import elasticity, recursions
+from socontrol.mechanics.kinematics import Kinematics
+
+
+class Statics:
+    """The expressions of one robot at one (q, u); sweeps are made once."""
+
+    def __init__(self, robot, q, u=None):
+        self.robot, self.q, self.u = robot, q, u
+        self.kin = Kinematics(robot.tree, q)
+
+    @cached_property
+    def carried(self):
+        """Wrenches of the loads at each place and the force fields on each piece."""
+        return recursions.carried(self.kin, self.robot.loads)
+
+    def elastic_force(self):
+        return self._stack(lambda piece: elasticity.force(piece, self.q))
+
+    def stiffness(self):
+        return self._diagonal(lambda piece: elasticity.stiffness(piece, self.q))
+
+    def damping(self):
+        return self._diagonal(lambda piece: elasticity.damping(piece, self.q))
+
+    def elastic_energy(self):
+        return sum((elasticity.energy(piece, self.q) for piece in self.robot.tree.pieces), ca.DM(0))
+
+    def external_force(self):
+        return recursions.external_force(self.kin, *self.carried)
+
+    def actuation(self):
+        """B(q) [n x m]."""
+        tree, columns = self.robot.tree, []
+        for shares in self.robot.lines:
+            parts = [ca.DM(piece.size, 1) for piece in tree.pieces]
+            for line in shares:
+                parts[line.piece] += line.force(tree, self.q)
+            columns.append(ca.vertcat(*parts))
+        return ca.horzcat(*columns) if columns else ca.DM(tree.n, 0)
+
+    def actuation_tangent(self):
+        """d(B(q) u)/dq [n x n], one block a piece."""
+        tree = self.robot.tree
+        parts = [ca.DM(piece.size, piece.size) for piece in tree.pieces]
+        for k, shares in enumerate(self.robot.lines):
+            for line in shares:
+                parts[line.piece] += self.u[k] * line.gradient(tree, self.q)
+        return ca.diagcat(*parts)
+
+    def residual(self):
+        return self.elastic_force() - self.external_force() - self.actuation() @ self.u
+
+    def tangent(self):
+        conservative = all(load.conservative for load in self.robot.loads)
+        loads = recursions.external_tangent(self.kin, *self.carried, symmetric=conservative)
+        return self.stiffness() - loads - self.actuation_tangent()
+
+    def _stack(self, of):
+        return ca.vertcat(*(of(piece) if piece.size else ca.DM(0, 1) for piece in self.robot.tree.pieces))
+
+    def _diagonal(self, of):
+        return ca.diagcat(*(of(piece) if piece.size else ca.DM(0, 0) for piece in self.robot.tree.pieces))

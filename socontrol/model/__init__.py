@@ -1,0 +1,1 @@
+"""What a robot is: segments as frozen records, and the tree of pieces they become."""

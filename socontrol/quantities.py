@@ -1,0 +1,659 @@
+"""Unit types of file fields: what a number in a file may look like, and the SI float it becomes.
+
+A field is annotated with its unit, `length: Length`; a file then says `50 mm` or `0.05`, Python says `0.05`.
+Numbers without a unit are SI and radians. Only the standard library is imported here: pydantic and pint are
+loaded by the first file that is read. Records built from Python are not checked, so that a field can hold a
+symbolic value.
+"""
+
+import dataclasses
+import difflib
+import functools
+import math
+import numbers
+import re
+import typing
+from collections.abc import Mapping
+from decimal import Decimal
+from typing import Annotated, Any, Literal, TypeVar
+
+T = TypeVar("T")
+
+
+class Bad(ValueError):
+    """A check over several fields failed: `raise Bad("radius", "radius 4 mm is not above ...")` points at a key."""
+
+    def __init__(self, key, sentence):
+        super().__init__(sentence)
+        self.key = key
+
+
+def file_key(name):
+    """The key of a field in a file: the field's name, without the underscore that keeps `from_` out of Python's way."""
+    return name.rstrip("_")
+
+
+@typing.dataclass_transform(frozen_default=True)
+def record(cls=None, /, **options):
+    """`dataclass(frozen=True)` that a file can fill: keys the class does not have are refused."""
+    if cls is None:
+        return functools.partial(record, **options)
+    cls.__pydantic_config__ = {"extra": "forbid", "arbitrary_types_allowed": True, "alias_generator": file_key}
+    return dataclasses.dataclass(frozen=True, **options)(cls)
+
+
+def is_record(annotation):
+    """Whether this is a class made by `record`."""
+    return isinstance(annotation, type) and "__pydantic_config__" in vars(annotation)
+
+
+@functools.cache
+def fields_of(cls):
+    """File keys of a record, each with its annotation."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return {file_key(f.name): hints[f.name] for f in dataclasses.fields(cls) if f.init}
+
+
+@functools.cache
+def adapter(annotation):
+    """The pydantic TypeAdapter of a record or annotation, built once."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(annotation)
+
+
+# Sentences
+
+def show(value):
+    """A short name for what was given: `'abc'`, `true`, `a list of 3`, `a mapping`."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    if isinstance(value, int) and abs(value) >= 10**40:
+        return "a whole number of more than 40 digits"
+    text = repr(value) if isinstance(value, str | numbers.Number) else type(value).__name__
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def other_wanted(value, what):
+    """The ValueError for something of the wrong kind."""
+    return ValueError(f"{show(value)} is given; {what} {'are' if what[0].isdigit() else 'is'} wanted")
+
+
+def joined(names, word="or"):
+    """`a, b or c`."""
+    *head, last = [str(name) for name in names] or ["nothing"]
+    return f"{', '.join(head)} {word} {last}" if head else last
+
+
+def nearest(name, allowed):
+    """`; did you mean 'length'?` or, when nothing is near, the list of what is allowed."""
+    allowed = [str(a) for a in allowed]
+    close = difflib.get_close_matches(str(name), allowed, n=1)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; allowed: {', '.join(allowed)}" if allowed else ""
+
+
+def is_symbolic(value):
+    """A casadi value, which Python code may place where a file has a number."""
+    return type(value).__module__.partition(".")[0] == "casadi"
+
+
+# Units
+
+KINDS = {  # unit: what it measures, how a file may write it, the same in SI
+    "1": ("a plain number", "0.5", "0.5"),
+    "m": ("a length", "50 mm", "0.05"),
+    "m^2": ("an area", "19.6 mm^2", "19.6e-6"),
+    "m^3": ("a volume", "2 cm^3", "2e-6"),
+    "m^4": ("a second moment of area", "120 mm^4", "1.2e-10"),
+    "kg": ("a mass", "13.47 g", "0.01347"),
+    "kg/m^3": ("a density", "1.82 g/cm^3", "1820"),
+    "kg/m": ("a mass per length", "20 g/m", "0.02"),
+    "kg m^2": ("a moment of inertia", "1 g cm^2", "1e-7"),
+    "Pa": ("a pressure or modulus", "0.2 MPa", "2e5"),
+    "Pa s": ("a viscosity", "300 Pa s", "300"),
+    "N": ("a force", "0.3 N", "0.3"),
+    "N m": ("a moment", "20 N mm", "0.02"),
+    "N/m": ("a force per length", "0.1 N/m", "0.1"),
+    "N m/m": ("a moment per length", "0.1 N m/m", "0.1"),
+    "N m/rad": ("a torsional stiffness", "0.5 N m/rad", "0.5"),
+    "N m s/rad": ("a torsional damping", "0.01 N m s/rad", "0.01"),
+    "N s/m": ("a damping", "2 N s/m", "2"),
+    "rad": ("an angle", "90 deg", "1.5708"),
+    "rad/m": ("a curvature", "20 1/m", "20"),
+    "m/rad": ("a pitch", "5 mm/turn", "0.0008"),
+    "s": ("a time", "50 ms", "0.05"),
+    "m/s": ("a speed", "20 mm/s", "0.02"),
+    "m/s^2": ("an acceleration", "9.81 m/s^2", "9.81"),
+    "rad/s": ("an angular rate", "3.75 rpm", "0.3927"),
+    "rad/s^2": ("an angular acceleration", "2 rad/s^2", "2"),
+}
+COMMON = [
+    *("mm", "cm", "m", "km", "um", "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "mm^4", "m^4", "1/m", "deg", "rad"),
+    *("g", "kg", "mg", "g/cm^3", "kg/m^3", "Pa", "kPa", "MPa", "GPa", "bar", "Pa s", "N", "mN", "kN", "N m", "N mm"),
+    *("N/m", "s", "ms", "min", "m/s", "mm/s", "rad/s", "deg/s", "rpm", "turn", "m/s^2"),
+]
+
+NUMBER = r"(?>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3}(?![0-9]))?)"  # atomic: 11/m is not 1 1/m
+NAME = r"(?:1|%|[^\W\d]\w*|[°Ω])(?:(?:\^|\*\*)-?[0-9]|[²³⁴])?"
+QUANTITY = re.compile(rf"({NUMBER})\s*((?:/\s*)?{NAME}(?:\s*[*/·]\s*{NAME}|\s+{NAME})*)?")
+LONGEST = 60  # characters of a quantity; a longer one is not a quantity
+
+
+@functools.cache
+def registry():
+    """The one pint registry, built when the first unit is read."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@functools.cache
+def measure(unit):
+    """(factor to SI, base units without radian, exponent of radian, counts events) of a unit; ValueError if unknown."""
+    text = re.sub(r"\b([numkKM]?N)(mm|cm|m)\b", r"\1 \2", unit)  # pint takes Nm for a number of threads
+    text = "1" + text if text.startswith("/") else text
+    try:
+        units = registry().parse_units(text)
+        base = registry().Quantity(1.0, units).to_base_units()
+        if registry().Quantity(0.0, units).to_base_units().magnitude != 0.0:
+            raise ValueError("a unit with an offset or a logarithm")
+        exponents = dict(base.unit_items())
+        factors = [measure_part(name) for name, _ in registry().Quantity(1.0, units).unit_items()]
+    except Exception as unknown:  # pint raises a dozen kinds, some of them from its tokenizer
+        raise ValueError(f"unknown unit '{unit}'{nearest_unit(unit)}") from unknown
+    radians = exponents.pop("radian", 0)
+    events = any(factor == {"second": -1} for factor in factors)
+    return base.magnitude, frozenset(exponents.items()), radians, events
+
+
+def measure_part(name):
+    """Base units of one factor of a unit: a hertz or a becquerel is {'second': -1}, an rpm has the radian too."""
+    return dict(registry().Quantity(1.0, name).to_base_units().unit_items())
+
+
+def nearest_unit(unit):
+    """The common unit that was probably meant: other case first, then other spelling."""
+    same = [name for name in COMMON if name.lower() == unit.lower() or name.replace("^", "") == unit]
+    close = same or difflib.get_close_matches(unit, COMMON, n=1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def kind_of(unit):
+    """What a unit measures, `a mass`, or None."""
+    _, base, radians, _ = measure(unit)
+    return next((noun for text, (noun, *_) in KINDS.items() if measure(text)[1:3] == (base, radians)), None)
+
+
+def scaled(number, factor):
+    """number x factor, rounded once when the factor is a short decimal: 14.5 mm is the float 0.0145."""
+    short = format(factor, ".12g")
+    if math.isclose(float(short), factor, rel_tol=1e-15):
+        return float(Decimal(number) * Decimal(short))
+    return float(number) * factor
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """A number in SI unit `text`. Bounds are SI; `exclusive` refuses the lower bound itself.
+
+    Degrees and turns are read where the unit has radians in it or `angle` is set.
+    """
+
+    text: str
+    lower: float | None = None
+    upper: float | None = None
+    exclusive: bool = False
+    angle: bool = False
+
+    @property
+    def wanted(self):
+        """`a length in m, e.g. '50 mm'`."""
+        if self.text == "1":
+            return "a number" + self.range
+        noun, example = KINDS[self.text][:2] if self.text in KINDS else ("a number", f"1 {self.text}")
+        return f"{noun} in {self.text}, e.g. '{example}'"
+
+    @property
+    def range(self):
+        """The bounds in words, `` from 0 to 1``."""
+        low = f" {'above' if self.exclusive else 'from'} {self.lower:g}" if self.lower is not None else ""
+        return low + (f" up to {self.upper:g}" if self.upper is not None else "")
+
+    def read(self, value):
+        """The SI float of a number, of text with a unit, or a casadi value as it is; else ValueError."""
+        if is_symbolic(value):
+            return value
+        if isinstance(value, str):
+            number = self.converted(value.strip())
+        elif isinstance(value, numbers.Real) and not isinstance(value, bool):
+            number = self.float_of(value)
+        else:
+            raise other_wanted(value, self.wanted)
+        return self.bounded(number, value)
+
+    @staticmethod
+    def float_of(value):
+        """A Python or numpy number as a float."""
+        try:
+            return float(value)
+        except OverflowError:
+            return math.inf
+
+    def converted(self, text):
+        """SI float of `50 mm`."""
+        match = QUANTITY.fullmatch(text) if len(text) <= LONGEST else None
+        if match is None:
+            raise ValueError(f"{show(text)} is not {self.wanted}")
+        number, unit = match.groups()
+        if unit is None:
+            raise ValueError(f"'{text}' is text; drop the quotes: {number}")
+        factor, base, radians, events = measure(unit)
+        _, own_base, own_radians, _ = measure(self.text)
+        angles = {0, own_radians} | ({1} if self.angle else set())
+        if base != own_base or radians not in angles or (self.text == "rad" and radians != 1):
+            kind = kind_of(unit)
+            given = f"{kind}; {self.noun} is wanted," if kind else f"not {self.noun}; write"
+            raise ValueError(f"{text} is {given} {self.example}")
+        if events and own_radians and not radians:
+            raise ValueError(f"{text} may count turns or radians; write e.g. '{number} rad/s' or '{number} turn/s'")
+        return scaled(number, factor)
+
+    @property
+    def noun(self):
+        """`a length`."""
+        return KINDS[self.text][0] if self.text in KINDS else f"a number in {self.text}"
+
+    @property
+    def example(self):
+        """`e.g. '50 mm' or 0.05`."""
+        _, written, plain = KINDS.get(self.text, (None, f"1 {self.text}", "1"))
+        return f"e.g. {plain}" if written == plain else f"e.g. '{written}' or {plain}"
+
+    def bounded(self, number, given):
+        """The number, if finite and within the bounds."""
+        given = given.strip() if isinstance(given, str) else show(given)
+        if not math.isfinite(number):
+            raise ValueError(f"{given} is not a finite number")
+        if self.lower is not None and (number < self.lower or (self.exclusive and number == self.lower)):
+            if self.lower == 0:
+                raise ValueError(f"{given} is {'not positive' if self.exclusive else 'negative'}")
+            raise ValueError(f"{given} is {'not above' if self.exclusive else 'below'} {self.lower:g}")
+        if self.upper is not None and number > self.upper:
+            raise ValueError(f"{given} is above {self.upper:g}")
+        return number
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        low = {"exclusiveMinimum" if self.exclusive else "minimum": self.lower} if self.lower is not None else {}
+        high = {"maximum": self.upper} if self.upper is not None else {}
+        return {"anyOf": [{"type": "number", **low, **high}, {"type": "string"}], "description": self.wanted}
+
+
+@dataclasses.dataclass(frozen=True)
+class Whole:
+    """A whole number of at least `lower`."""
+
+    lower: int | None = None
+
+    @property
+    def wanted(self):
+        return "a whole number" + (f" of at least {self.lower}" if self.lower is not None else "")
+
+    def read(self, value):
+        """The int; else ValueError."""
+        if not isinstance(value, numbers.Integral) or isinstance(value, bool):
+            raise other_wanted(value, self.wanted)
+        if self.lower is not None and value < self.lower:
+            raise ValueError(f"{show(value)} is below {self.lower}")
+        return int(value)
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        low = {} if self.lower is None else {"minimum": self.lower}
+        return {"type": "integer", **low, "description": self.wanted}
+
+
+class YesNo:
+    """`true` or `false` and nothing that merely resembles them."""
+
+    wanted = "true or false"
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.bool_schema(strict=True)
+
+
+# Lists
+
+class Check:
+    """Metadata that looks at a list before (`before`) and after (`after`) its items are read."""
+
+    def before(self, value):
+        return value
+
+    def after(self, value, given):
+        return value
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        from pydantic_core import core_schema
+
+        def read(value, inner):
+            if is_symbolic(value):
+                return value
+            given = self.before(value.tolist() if type(value).__module__ == "numpy" else value)
+            return self.after(inner(given), given)
+
+        return core_schema.no_info_wrap_validator_function(read, handler(source))
+
+
+class Numbers(Check):
+    """A list of so many numbers: `Numbers(3)`, or `Numbers(3, 6)` for either. `nonzero` refuses all zeros."""
+
+    def __init__(self, *counts, nonzero=False, what="numbers"):
+        self.counts, self.nonzero, self.what = counts, nonzero, what
+
+    @property
+    def wanted(self):
+        return f"{joined(self.counts)} {self.what}"
+
+    def before(self, value):
+        if not isinstance(value, list | tuple):
+            raise other_wanted(value, f"a list of {self.wanted}")
+        if len(value) not in self.counts:
+            given = f"{len(value)} {self.what} are" if len(value) != 1 else f"1 {self.what.rstrip('s')} is"
+            raise ValueError(f"{given} given; {joined(self.counts)} are wanted")
+        return value
+
+    def after(self, value, given):
+        if self.nonzero and not any(is_symbolic(x) or x != 0 for x in value):
+            raise ValueError("all numbers are zero; a direction is wanted, e.g. [1, 0, 0]")
+        return value
+
+
+class Ordered(Check):
+    """Two values, the lower one first; equal ones are allowed, and null is an open end where the items allow it."""
+
+    def after(self, value, given):
+        lower, upper = value
+        if any(is_symbolic(x) or x is None for x in value) or lower <= upper:
+            return value
+        low, high = (x if isinstance(x, str) else show(x) for x in given)
+        raise ValueError(f"[{low}, {high}]: the lower limit is above the upper one; write [{high}, {low}]")
+
+
+# Families and forms
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class OneOf:
+    """A mapping whose `type` names a record of `table`; its other keys fill that record."""
+
+    table: Mapping
+    what: str = "kind"
+    key: str = "type"
+    also: tuple = ()  # classes that only Python can give
+
+    @property
+    def wanted(self):
+        article = "an" if self.what[0] in "aeiou" else "a"
+        return f"{article} {self.what}: a mapping with '{self.key}' {joined(self.table)}"
+
+    def choose(self, value):
+        """The record class that `type` names; ValueError if there is none."""
+        if not isinstance(value, Mapping):
+            raise other_wanted(value, self.wanted)
+        if self.key not in value:
+            raise Bad(self.key, f"missing key '{self.key}' ({self.what}: {joined(self.table)})")
+        name = value[self.key]
+        if not isinstance(name, str) or name not in self.table:
+            raise Bad(self.key, f"unknown {self.what} {show(name)}{nearest(name, self.table)}")
+        return self.table[name]
+
+    def read(self, value):
+        """An instance of the record that `type` names; an instance of the family as it is."""
+        if isinstance(value, (*self.table.values(), *self.also)):
+            return value
+        cls = self.choose(value)
+        return adapter(cls).validate_python({k: v for k, v in value.items() if k != self.key})
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        from pydantic_core import core_schema
+
+        for cls in self.table.values():
+            if not is_record(cls):
+                raise TypeError(f"{cls!r} in the table of {self.what} is not a record")
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return {"oneOf": [self.json_of(name, cls, handler) for name, cls in self.table.items()]}
+
+    def json_of(self, name, cls, handler):
+        """JSON Schema of one record with its type key."""
+        own = handler.resolve_ref_schema(handler(adapter(cls).core_schema))
+        keys = {self.key: {"const": name, "type": "string"}, **own.get("properties", {})}
+        return {**own, "properties": keys, "required": [self.key, *own.get("required", [])]}
+
+
+class Either:
+    """One of several forms, chosen by the shape of what is given: text, number, list, list of lists, mapping.
+
+    Of several mapping forms the one that shares most keys is taken, so that errors speak of one form only.
+    """
+
+    def __init__(self, *forms):
+        self.forms = forms
+
+    @property
+    def wanted(self):
+        return joined(wanted(form) for form in self.forms)
+
+    def choose(self, value):
+        """The form whose shape fits; ValueError if none does."""
+        fitting = [form for form in self.forms if shape_of(value) in shapes(form)]
+        if not fitting:
+            fitting = [form for form in self.forms if isinstance(value, list | tuple) and shapes(form) & {1, 2, 3}]
+        if not fitting:
+            raise other_wanted(value, self.wanted)
+        return max(fitting, key=lambda form: affinity(form, value))
+
+    def read(self, value):
+        """The value as the chosen form reads it; casadi values and built records as they are."""
+        if is_symbolic(value) or any(isinstance(value, classes(form)) for form in self.forms):
+            return value
+        if type(value).__module__ == "numpy":
+            value = value.tolist()
+        return adapter(self.choose(value)).validate_python(value)
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return {"anyOf": [handler(adapter(form).core_schema) for form in self.forms]}
+
+
+# Looking at annotations
+
+def parts(annotation):
+    """(bare type, metadata) of an annotation; `X | None` counts as X."""
+    if typing.get_origin(annotation) is Annotated:
+        bare, *metadata = typing.get_args(annotation)
+        inner, more = parts(bare)
+        return inner, (*more, *metadata)
+    args = [a for a in typing.get_args(annotation) if a is not type(None)]
+    if type(None) in typing.get_args(annotation) and len(args) == 1:
+        return parts(args[0])
+    return annotation, ()
+
+
+def special(annotation, kind):
+    """The metadata of this kind (`Unit`, `OneOf`, `Either` ...) in an annotation, or None."""
+    return next((m for m in parts(annotation)[1] if isinstance(m, kind)), None)
+
+
+def items_of(annotation):
+    """Annotation of a list's items (the first one's for a tuple) or of a dict's values, else None."""
+    bare, _ = parts(annotation)
+    args = typing.get_args(bare)
+    if typing.get_origin(bare) is dict:
+        return args[1]
+    return args[0] if typing.get_origin(bare) in (list, tuple) and args else None
+
+
+def shape_of(value):
+    """`text`, `number`, `mapping`, `none`, or the depth of a list."""
+    if isinstance(value, list | tuple):
+        inner = shape_of(value[0]) if value else None
+        return 1 + inner if isinstance(inner, int) else 1
+    if value is None:
+        return "none"
+    if isinstance(value, Mapping):
+        return "mapping"
+    return "text" if isinstance(value, str) else "number"
+
+
+def shapes(form):
+    """The shapes of input that a form reads, as `shape_of` names them."""
+    bare, _ = parts(form)
+    either = special(form, Either)
+    if either:
+        return set().union(*(shapes(f) for f in either.forms))
+    if special(form, OneOf) or is_record(bare) or dict in (bare, typing.get_origin(bare)):
+        return {"mapping"}
+    if special(form, Unit):
+        return {"number", "text"}
+    if special(form, Whole) or bare is bool:
+        return {"number"}
+    if typing.get_origin(bare) in (list, tuple):
+        inner = shapes(items_of(form))
+        return {1 + s if isinstance(s, int) else 1 for s in inner}
+    return {"text"} if bare is str or typing.get_origin(bare) is Literal else {"number", "text"}
+
+
+def affinity(form, value):
+    """How well a fitting form matches: shared keys of a mapping, a named text before any other text."""
+    if isinstance(value, str):
+        return value in typing.get_args(parts(form)[0]) if typing.get_origin(parts(form)[0]) is Literal else 0
+    if isinstance(value, Mapping):
+        family = special(form, OneOf)
+        allowed = {family.key} if family else set(fields_of(parts(form)[0])) if is_record(parts(form)[0]) else set()
+        return len(allowed & set(value))
+    return 0
+
+
+def classes(form):
+    """The record classes a form may become."""
+    family, either = special(form, OneOf), special(form, Either)
+    if either:
+        return tuple(cls for f in either.forms for cls in classes(f))
+    if family:
+        return tuple(family.table.values())
+    return (parts(form)[0],) if is_record(parts(form)[0]) else ()
+
+
+def unit_of(annotation):
+    """Unit text of a field: `m` for a Length and for a Position; '' where there is none."""
+    unit, either = special(annotation, Unit), special(annotation, Either)
+    if unit:
+        return "" if unit.text == "1" else unit.text
+    if either:
+        return next(filter(None, map(unit_of, either.forms)), "")
+    inner = items_of(annotation)
+    return unit_of(inner) if inner is not None else ""
+
+
+def wanted(annotation):
+    """What a field takes, in words: `a length in m, e.g. '50 mm'`, `3 numbers in m`."""
+    bare, metadata = parts(annotation)
+    unit = f" in {unit_of(annotation)}" if unit_of(annotation) else ""
+    for m in metadata:
+        if hasattr(m, "wanted"):
+            return m.wanted + (unit if isinstance(m, Numbers) else "")
+    if typing.get_origin(bare) is Literal:
+        return joined(typing.get_args(bare))
+    if is_record(bare):
+        return f"a mapping with {joined(fields_of(bare), 'and')}"
+    if typing.get_origin(bare) in (list, tuple):
+        return f"a list, each {wanted(items_of(annotation))}"
+    names = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
+    return names.get(bare, "a mapping" if dict in (bare, typing.get_origin(bare)) else "a value")
+
+
+# The types of fields
+
+Number = Annotated[float, Unit("1")]
+PositiveNumber = Annotated[float, Unit("1", lower=0, exclusive=True)]
+NonNegativeNumber = Annotated[float, Unit("1", lower=0)]
+Fraction = Annotated[float, Unit("1", lower=0, upper=1)]
+PoissonRatio = Annotated[float, Unit("1", lower=-1, upper=0.5, exclusive=True)]
+Integer = Annotated[int, Whole()]
+Count = Annotated[int, Whole(1)]
+Flag = Annotated[bool, YesNo()]
+
+Metre = Annotated[float, Unit("m")]
+Length = Annotated[float, Unit("m", lower=0, exclusive=True)]
+Distance = Annotated[float, Unit("m", lower=0)]
+Area = Annotated[float, Unit("m^2", lower=0, exclusive=True)]
+SecondMoment = Annotated[float, Unit("m^4", lower=0, exclusive=True)]
+Volume = Annotated[float, Unit("m^3", lower=0)]
+Curvature = Annotated[float, Unit("rad/m")]
+Radian = Annotated[float, Unit("rad")]
+MetrePerRadian = Annotated[float, Unit("m/rad")]
+
+Kilogram = Annotated[float, Unit("kg", lower=0)]
+Mass = Annotated[float, Unit("kg", lower=0, exclusive=True)]
+Density = Annotated[float, Unit("kg/m^3", lower=0, exclusive=True)]
+LinearDensity = Annotated[float, Unit("kg/m", lower=0)]
+Modulus = Annotated[float, Unit("Pa", lower=0, exclusive=True)]
+Viscosity = Annotated[float, Unit("Pa s", lower=0)]
+
+Pascal = Annotated[float, Unit("Pa")]
+Newton = Annotated[float, Unit("N")]
+NewtonMetre = Annotated[float, Unit("N m")]
+NewtonPerMetre = Annotated[float, Unit("N/m")]
+NewtonMetrePerMetre = Annotated[float, Unit("N m/m")]
+TorsionStiffness = Annotated[float, Unit("N m/rad", lower=0)]
+AxialStiffness = Annotated[float, Unit("N/m", lower=0)]
+TorsionDamping = Annotated[float, Unit("N m s/rad", lower=0)]
+AxialDamping = Annotated[float, Unit("N s/m", lower=0)]
+
+Second = Annotated[float, Unit("s")]
+MetrePerSecond = Annotated[float, Unit("m/s")]
+MetrePerSecond2 = Annotated[float, Unit("m/s^2")]
+RadianPerSecond = Annotated[float, Unit("rad/s")]
+RadianPerSecond2 = Annotated[float, Unit("rad/s^2")]
+
+Pair = Annotated[tuple[T, T], Numbers(2)]
+Triple = Annotated[tuple[T, T, T], Numbers(3)]
+Limits = Annotated[tuple[T, T], Numbers(2), Ordered()]
+
+Position = Triple[Metre]
+RotationVector = Triple[Radian]
+Forces = Triple[Newton]
+Moments = Triple[NewtonMetre]
+Velocity = Triple[MetrePerSecond]
+Acceleration = Triple[MetrePerSecond2]
+Axis = Annotated[tuple[Number, Number, Number], Numbers(3, nonzero=True)]
+
+InertiaNumber = Annotated[float, Unit("kg m^2")]
+Inertia = Annotated[Any, Either(
+    Annotated[tuple[InertiaNumber, ...], Numbers(3, 6)],
+    Annotated[tuple[Triple[InertiaNumber], ...], Numbers(3, what="rows")],
+)]
