@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class Bad(ValueError):
-    """A check over several fields failed: `raise Bad("radius", "radius 4 mm is not above ...")` points at a key."""
+    """A check over several fields failed; `raise Bad("radius", "radius 0.004 is ...")` points at a key."""
 
     def __init__(self, key, sentence):
         super().__init__(sentence)
@@ -29,7 +29,7 @@ class Bad(ValueError):
 
 
 def file_key(name):
-    """The key of a field in a file: the field's name, without the underscore that keeps `from_` out of Python's way."""
+    """The key of a field in a file: its name, without the underscore that Python needs in `from_`."""
     return name.rstrip("_")
 
 
@@ -38,7 +38,11 @@ def record(cls=None, /, **options):
     """`dataclass(frozen=True)` that a file can fill: keys the class does not have are refused."""
     if cls is None:
         return functools.partial(record, **options)
-    cls.__pydantic_config__ = {"extra": "forbid", "arbitrary_types_allowed": True, "alias_generator": file_key}
+    cls.__pydantic_config__ = {
+        "extra": "forbid",
+        "arbitrary_types_allowed": True,
+        "alias_generator": file_key,
+    }
     return dataclasses.dataclass(frozen=True, **options)(cls)
 
 
@@ -136,12 +140,12 @@ KINDS = {  # unit: what it measures, how a file may write it, the same in SI
     "rad/s^2": ("an angular acceleration", "2 rad/s^2", "2"),
 }
 COMMON = [
-    *("mm", "cm", "m", "km", "um", "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "mm^4", "m^4", "1/m", "deg", "rad"),
-    *("g", "kg", "mg", "g/cm^3", "kg/m^3", "Pa", "kPa", "MPa", "GPa", "bar", "Pa s", "N", "mN", "kN", "N m", "N mm"),
-    *("N/m", "s", "ms", "min", "m/s", "mm/s", "rad/s", "deg/s", "rpm", "turn", "m/s^2"),
+    *("mm", "cm", "m", "km", "um", "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "mm^4", "m^4", "1/m"),
+    *("g", "kg", "mg", "g/cm^3", "kg/m^3", "Pa", "kPa", "MPa", "GPa", "bar", "Pa s", "N", "mN", "kN"),
+    *("N m", "N mm", "N/m", "s", "ms", "min", "m/s", "mm/s", "m/s^2", "deg", "rad", "turn", "rpm", "rad/s", "deg/s"),
 ]
 
-NUMBER = r"(?>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3}(?![0-9]))?)"  # atomic: 11/m is not 1 1/m
+NUMBER = r"(?>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3}(?![0-9]))?)"  # atomic: 11/m stays whole
 NAME = r"(?:1|%|[^\W\d]\w*|[°Ω])(?:(?:\^|\*\*)-?[0-9]|[²³⁴])?"
 QUANTITY = re.compile(rf"({NUMBER})\s*((?:/\s*)?{NAME}(?:\s*[*/·]\s*{NAME}|\s+{NAME})*)?")
 LONGEST = 60  # characters of a quantity; a longer one is not a quantity
@@ -157,7 +161,7 @@ def registry():
 
 @functools.cache
 def measure(unit):
-    """(factor to SI, base units without radian, exponent of radian, counts events) of a unit; ValueError if unknown."""
+    """(SI factor, base units but radian, exponent of radian, counts events) of a unit; ValueError if unknown."""
     text = re.sub(r"\b([numkKM]?N)(mm|cm|m)\b", r"\1 \2", unit)  # pint takes Nm for a number of threads
     text = "1" + text if text.startswith("/") else text
     try:
@@ -175,7 +179,7 @@ def measure(unit):
 
 
 def measure_part(name):
-    """Base units of one factor of a unit: a hertz or a becquerel is {'second': -1}, an rpm has the radian too."""
+    """Base units of one factor of a unit: a hertz is {'second': -1}, an rpm has the radian too."""
     return dict(registry().Quantity(1.0, name).to_base_units().unit_items())
 
 
@@ -263,7 +267,8 @@ class Unit:
             given = f"{kind}; {self.noun} is wanted," if kind else f"not {self.noun}; write"
             raise ValueError(f"{text} is {given} {self.example}")
         if events and own_radians and not radians:
-            raise ValueError(f"{text} may count turns or radians; write e.g. '{number} rad/s' or '{number} turn/s'")
+            fix = f"write e.g. '{number} rad/s' or '{number} turn/s'"
+            raise ValueError(f"{text} may count turns or radians; {fix}")
         return scaled(number, factor)
 
     @property
@@ -296,9 +301,10 @@ class Unit:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema, handler):
-        low = {"exclusiveMinimum" if self.exclusive else "minimum": self.lower} if self.lower is not None else {}
-        high = {"maximum": self.upper} if self.upper is not None else {}
-        return {"anyOf": [{"type": "number", **low, **high}, {"type": "string"}], "description": self.wanted}
+        low = "exclusiveMinimum" if self.exclusive else "minimum"
+        both = {low: self.lower, "maximum": self.upper}
+        bounds = {key: bound for key, bound in both.items() if bound is not None}
+        return {"anyOf": [{"type": "number", **bounds}, {"type": "string"}], "description": self.wanted}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -388,7 +394,7 @@ class Numbers(Check):
 
 
 class Ordered(Check):
-    """Two values, the lower one first; equal ones are allowed, and null is an open end where the items allow it."""
+    """Two values, the lower one first; equal ones are allowed; null is an open end where items allow it."""
 
     def after(self, value, given):
         lower, upper = value
@@ -467,7 +473,8 @@ class Either:
         """The form whose shape fits; ValueError if none does."""
         fitting = [form for form in self.forms if shape_of(value) in shapes(form)]
         if not fitting:
-            fitting = [form for form in self.forms if isinstance(value, list | tuple) and shapes(form) & {1, 2, 3}]
+            lists = isinstance(value, list | tuple)
+            fitting = [form for form in self.forms if lists and shapes(form) & {1, 2, 3}]
         if not fitting:
             raise other_wanted(value, self.wanted)
         return max(fitting, key=lambda form: affinity(form, value))
@@ -486,7 +493,9 @@ class Either:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema, handler):
-        return {"anyOf": [handler(adapter(form).core_schema) for form in self.forms]}
+        from pydantic_core import core_schema
+
+        return handler(core_schema.union_schema([adapter(form).core_schema for form in self.forms]))
 
 
 # Looking at annotations
@@ -549,12 +558,11 @@ def shapes(form):
 
 def affinity(form, value):
     """How well a fitting form matches: shared keys of a mapping, a named text before any other text."""
+    bare, family = parts(form)[0], special(form, OneOf)
     if isinstance(value, str):
-        return value in typing.get_args(parts(form)[0]) if typing.get_origin(parts(form)[0]) is Literal else 0
-    if isinstance(value, Mapping):
-        family = special(form, OneOf)
-        allowed = {family.key} if family else set(fields_of(parts(form)[0])) if is_record(parts(form)[0]) else set()
-        return len(allowed & set(value))
+        return int(typing.get_origin(bare) is Literal and value in typing.get_args(bare))
+    if isinstance(value, Mapping) and (family or is_record(bare)):
+        return len(set(value) & ({family.key} if family else set(fields_of(bare))))
     return 0
 
 

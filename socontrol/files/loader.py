@@ -1,8 +1,8 @@
-"""YAML 1.2 to records: read a file as plain data with line numbers, then fill a record and say what is wrong where.
+"""YAML 1.2 to records: read plain data with line numbers, fill a record, and say what is wrong where.
 
-Only plain data is read: mappings with text keys, lists, text, numbers, true, false, null. Tags, merge keys, several
-documents and anything unbounded (size, depth, aliases that multiply) are refused. Each mistake is one line,
-`file:line: path: what was given, what is allowed, nearest fix`.
+Only plain data is read: mappings with text keys, lists, text, numbers, true, false, null. Tags, merge keys,
+several documents and anything unbounded (size, depth, aliases that multiply) are refused. Each mistake is one
+line, `file:line: path: what was given, what is allowed, nearest fix`.
 """
 
 import re
@@ -21,6 +21,7 @@ from socontrol.quantities import (
     fields_of,
     is_record,
     items_of,
+    joined,
     nearest,
     parts,
     show,
@@ -87,7 +88,7 @@ def dotted(path):
 
 @dataclass(frozen=True)
 class Document:
-    """Plain data and where it stands: lines of keys and of values by path, and the paths that `--set` replaced."""
+    """Plain data and where it stands: lines of keys and values by path, paths that `--set` replaced."""
 
     data: Any
     file: str | None = None
@@ -147,7 +148,8 @@ class Builder:
         if is_event(start, "StreamEnd"):
             return None
         if start.version not in (None, (1, 2)):
-            raise self.wrong(start, f"YAML {'.'.join(map(str, start.version))} is asked for; YAML 1.2 is read")
+            asked = ".".join(map(str, start.version))
+            raise self.wrong(start, f"YAML {asked} is asked for; YAML 1.2 is read")
         node = self.node(self.next(), 1)
         self.next()
         if not is_event(again := self.next(), "StreamEnd"):
@@ -158,7 +160,7 @@ class Builder:
         """The next event."""
         try:
             return next(self.events)
-        except Exception as error:  # noqa: BLE001  ruamel.yaml lets ValueError and IndexError through on odd bytes
+        except Exception as error:  # noqa: BLE001  ruamel.yaml lets ValueError and more through on odd bytes
             raise syntax_error(error) from None
 
     @staticmethod
@@ -265,7 +267,7 @@ def syntax_error(error):
 
 
 def expanded(node, document, path=()):
-    """Plain data of a node with aliases written out; enters the lines of all values and keys into `document`."""
+    """Plain data of a node with aliases written out; enters the lines of values and keys into `document`."""
     if len(document.values) >= MAX_NODES:
         raise FileError(f"more than {MAX_NODES} values when aliases are written out", line=node.line)
     if len(path) >= MAX_DEPTH:
@@ -285,7 +287,8 @@ def parse(text, file=None):
     try:
         bad = UNPRINTABLE.search(text)
         if bad:
-            raise FileError(f"control character U+{ord(bad[0]):04X}", line=text.count("\n", 0, bad.start()) + 1)
+            line = text.count("\n", 0, bad.start()) + 1
+            raise FileError(f"control character U+{ord(bad[0]):04X}", line=line)
         node = Builder(text).document()
         return replace(lines, data=expanded(node, lines) if node else None)
     except FileError as error:
@@ -296,11 +299,10 @@ def read_yaml(path):
     """Document of a YAML file whose top level is a mapping; UnreadableFile or FileError if it is not that."""
     file = str(path)
     document = parse(text_of(read_bytes(path), file), file)
-    if document.data is None:
-        raise FileError("the file is empty; a mapping of keys to values is wanted", file=file, line=1)
-    if not isinstance(document.data, dict):
-        raise FileError(f"{show(document.data)} is given; a mapping of keys to values is wanted", file=file, line=1)
-    return document
+    if isinstance(document.data, dict):
+        return document
+    given = "the file is empty" if document.data is None else f"{show(document.data)} is given"
+    raise FileError(f"{given}; a mapping of keys to values is wanted", file=file, line=1)
 
 
 def read_bytes(path):
@@ -333,7 +335,8 @@ def text_of(data, file):
 def validate(annotation, data, where=None, path=()):
     """An instance of a record (or what an annotation makes) from plain data.
 
-    `where` is the Document that holds the data at `path`; without it errors carry the path alone. Raises FileError.
+    `where` is the Document that holds the data at `path`; without it errors carry the path alone.
+    Raises FileError.
     """
     from pydantic import ValidationError
 
@@ -342,7 +345,7 @@ def validate(annotation, data, where=None, path=()):
     except ValidationError as invalid:
         found = invalid.errors(include_url=False)
     where = where or Document(None)
-    mistakes = dict(reversed([mistake(annotation, data, error) for error in found]))  # the first one at each path
+    mistakes = dict(mistake(annotation, data, error) for error in reversed(found))  # the first at each path
     errors = [where.error((*path, *inner), message) for inner, message in reversed(mistakes.items())]
     raise gathered(errors)
 
@@ -357,6 +360,8 @@ def mistake(annotation, data, error):
     """(path, sentence) of one pydantic error."""
     path, parent, own = trace(annotation, data, error["loc"])
     kind, given = error["type"], error["input"]
+    if error["loc"][-1:] == ("[key]",):  # pydantic's own mark of a key it refuses
+        own = typing.get_args(parts(parent)[0])[0]
     if kind == "missing":
         return path, f"missing key '{path[-1]}' ({wanted(own)})"
     if kind == "unexpected_keyword_argument":
@@ -365,7 +370,8 @@ def mistake(annotation, data, error):
         reason = error["ctx"]["error"]
         return (*path, reason.key) if isinstance(reason, Bad) else path, str(reason)
     if kind == "literal_error":
-        return path, f"{show(given)} is not known here{nearest(given, typing.get_args(parts(own)[0]))}"
+        names = typing.get_args(parts(formed(own, given))[0])
+        return path, f"{show(given)} is not known here{nearest(given, names)}"
     if own is not None and not kind.startswith("too_"):
         return path, f"{show(given)} is given; {wanted(own)} is wanted"
     return path, error["msg"][:1].lower() + error["msg"][1:]
@@ -373,11 +379,11 @@ def mistake(annotation, data, error):
 
 def unknown_key(key, parent, mapping):
     """Sentence about a key that the record chosen by `parent` does not have."""
-    family, cls = special(parent, OneOf), settled(parent, mapping)
+    family, cls = special(formed(parent, mapping), OneOf), settled(parent, mapping)
     allowed = fields_of(cls) if is_record(cls) else {}
     holders = [name for name, other in family.table.items() if key in fields_of(other)] if family else []
     if holders:
-        return f"unknown key '{key}' for {family.key} '{mapping[family.key]}'; {' and '.join(holders)} have it"
+        return f"unknown key '{key}' for {family.key} '{mapping[family.key]}'; {joined(holders)} has it"
     return f"unknown key '{key}'{nearest(key, allowed) or '; no keys are allowed'}"
 
 
@@ -389,8 +395,8 @@ def trace(annotation, data, loc):
     path, parent, own = [], None, annotation
     for part in loc:
         child = child_of(own, data, part)
-        known = child is not None or (isinstance(data, Mapping) and part in data)
-        if not known and not isinstance(part, int) and not (part == loc[-1] and is_record(settled(own, data))):
+        given = isinstance(part, int) or (isinstance(data, Mapping) and part in data)
+        if child is None and not given:
             continue
         path.append(part)
         parent, own, data = own, child, value_at(data, (part,))
@@ -409,13 +415,23 @@ def child_of(annotation, data, part):
 
 
 def settled(annotation, data):
-    """The record class or bare type that this data fills, once its form and kind are chosen."""
-    while choice := special(annotation, Either) or special(annotation, OneOf):
+    """The record class or bare type that this data fills, its form and kind chosen; None if none fits."""
+    annotation = formed(annotation, data)
+    family = special(annotation, OneOf)
+    try:
+        return family.choose(data) if family else parts(annotation)[0]
+    except ValueError:
+        return None
+
+
+def formed(annotation, data):
+    """The annotation whose form this data has; None if it has none."""
+    while either := special(annotation, Either):
         try:
-            annotation = choice.choose(data)
+            annotation = either.choose(data)
         except ValueError:
             return None
-    return parts(annotation)[0]
+    return annotation
 
 
 def json_schema(annotation):
@@ -476,7 +492,8 @@ def key_of(mapping, names, path, flag):
             return ".".join(names[:count]), names[count:]
     if len(names) == 1 and names[0].strip():
         return names[0], []
-    raise FileError(f"no key '{names[0]}' in {dotted(path) or 'the file'}{nearest(names[0], mapping)}", file=flag)
+    where = dotted(path) or "the file"
+    raise FileError(f"no key '{names[0]}' in {where}{nearest(names[0], mapping)}", file=flag)
 
 
 def replaced(data, path, new):

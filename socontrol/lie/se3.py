@@ -88,7 +88,7 @@ def exp(Omega, coefficients=series):
 
 
 def tangent(Omega, coefficients=series):
-    """[6 x 6] int_0^1 exp(s ad_Omega) ds, Omega [6]; its body form Ad_g^-1 tangent(Omega) = tangent(-Omega)."""
+    """[6 x 6] int_0^1 exp(s ad_Omega) ds, Omega [6]; body form: Ad_g^-1 tangent(Omega) = tangent(-Omega)."""
     return exp_and_tangent(Omega, coefficients)[1]
 
 

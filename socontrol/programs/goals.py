@@ -1,0 +1,262 @@
+"""Goals: what the robot should hold. A goal without weight is met exactly; with a weight its miss joins the cost.
+
+Each record gives `size` rows of miss(kin, target) in `units`, zero when met, `scales` to divide them by, and its
+target as a flat list of numbers, so that a program keeps targets as parameters and can be solved again for others.
+"""
+
+from typing import Annotated, Any
+
+import casadi as ca
+import numpy as np
+
+from socontrol.lie import se3, so3
+from socontrol.quantities import (
+    Axis,
+    Bad,
+    Count,
+    Either,
+    Fraction,
+    Length,
+    Metre,
+    Numbers,
+    OneOf,
+    Position,
+    PositiveNumber,
+    RotationVector,
+    record,
+)
+
+PartialPosition = Annotated[tuple[Metre | None, Metre | None, Metre | None], Numbers(3)]
+
+
+def locate(robot, goal):
+    """Frame of a goal; raises Bad naming the key."""
+    try:
+        return robot.tree.locate(goal.on, goal.at)
+    except ValueError as error:
+        raise Bad("at" if goal.on in robot.tree.of else "on", str(error)) from None
+
+
+@record(kw_only=True)
+class Point:
+    """The origin of the frame at X of a segment stands at `target` (world, m); null leaves a coordinate free."""
+
+    on: str
+    target: PartialPosition
+    at: Fraction = 1.0
+    weight: PositiveNumber | None = None
+
+    def __post_init__(self):
+        if all(x is None for x in self.target):
+            raise Bad("target", "all three coordinates are free; give at least one")
+
+    @property
+    def rows(self):
+        return [i for i, x in enumerate(self.target) if x is not None]
+
+    def numbers(self):
+        return [self.target[i] for i in self.rows]
+
+    def units(self):
+        return ["m"] * len(self.rows)
+
+    def scales(self, length):
+        return [length] * len(self.rows)
+
+    def miss(self, robot, kin, target):
+        return se3.position(kin.frame_pose(locate(robot, self)))[self.rows] - target
+
+    def between(self, start, stop, t):
+        """Numbers of the target on the way from `start` to `stop`."""
+        return (1 - t) * start + t * stop
+
+
+@record(kw_only=True)
+class PoseTarget:
+    """A world pose: position [m] and rotation vector [rad]."""
+
+    position: Position
+    rotation: RotationVector
+
+
+@record(kw_only=True)
+class Pose:
+    """The frame at X of a segment has this world pose."""
+
+    on: str
+    target: PoseTarget
+    at: Fraction = 1.0
+    weight: PositiveNumber | None = None
+
+    def numbers(self):
+        return [*self.target.position, *self.target.rotation]
+
+    def units(self):
+        return ["m"] * 3 + ["rad"] * 3
+
+    def scales(self, length):
+        return [length] * 3 + [1.0] * 3
+
+    def miss(self, robot, kin, target):
+        g = kin.frame_pose(locate(robot, self))
+        turn = so3.log(so3.exp(target[3:]).T @ se3.rotation(g))
+        return ca.vertcat(se3.position(g) - target[:3], turn)
+
+    def between(self, start, stop, t):
+        R0, R1 = so3.exp(ca.DM(start[3:])), so3.exp(ca.DM(stop[3:]))
+        turned = so3.log(R0 @ so3.exp(t * so3.log(R0.T @ R1)))
+        return np.concatenate([(1 - t) * start[:3] + t * stop[:3], np.array(turned).ravel()])
+
+
+@record(kw_only=True)
+class AxisDirection:
+    """The body direction `axis` (default: along the segment) at X of a segment points along `target` in the world."""
+
+    on: str
+    target: Axis
+    axis: Axis = (1.0, 0.0, 0.0)
+    at: Fraction = 1.0
+    weight: PositiveNumber | None = None
+
+    def numbers(self):
+        return list(np.array(self.target) / np.linalg.norm(self.target))
+
+    def units(self):
+        return ["rad"] * 2
+
+    def scales(self, length):
+        return [1.0] * 2
+
+    def miss(self, robot, kin, target):
+        """The axis a across the target t, in two directions of the target's plane, stretched by 2 / (1 + a.t).
+
+        The stretch (twice the tangent of half the angle) tells opposite from aligned, where a x t is zero too.
+        """
+        axis = ca.DM(self.axis) / ca.norm_2(ca.DM(self.axis))
+        a = se3.rotation(kin.frame_pose(locate(robot, self))) @ axis
+        across = ca.DM(self._across())
+        return 2 * (across.T @ (a - target * ca.dot(a, target))) / (1 + ca.dot(a, target) + 1e-9)
+
+    def _across(self):
+        """Two directions [3 x 2] across the declared target."""
+        t = np.array(self.numbers())
+        e = np.cross(t, np.eye(3)[np.argmin(np.abs(t))])
+        e = e / np.linalg.norm(e)
+        return np.column_stack([e, np.cross(t, e)])
+
+    def between(self, start, stop, t):
+        way = (1 - t) * start + t * stop
+        size = np.linalg.norm(way)
+        return way / size if size > 1e-9 else stop
+
+
+@record(kw_only=True)
+class ShapePoint:
+    """X on the segment and its position [world, m]."""
+
+    at: Fraction
+    position: Position
+
+
+@record(kw_only=True)
+class Shape:
+    """Points along one segment stand at given positions; more than the inputs can meet need a `weight`."""
+
+    on: str
+    target: tuple[ShapePoint, ...]
+    weight: PositiveNumber | None = None
+
+    def __post_init__(self):
+        if not self.target:
+            raise Bad("target", "no point is given")
+
+    @property
+    def at(self):
+        return self.target[-1].at
+
+    def numbers(self):
+        return [x for point in self.target for x in point.position]
+
+    def units(self):
+        return ["m"] * (3 * len(self.target))
+
+    def scales(self, length):
+        return [length] * (3 * len(self.target))
+
+    def miss(self, robot, kin, target):
+        frames = [locate(robot, Point(on=self.on, at=p.at, target=p.position)) for p in self.target]
+        return ca.vertcat(*(se3.position(kin.frame_pose(f)) for f in frames)) - target
+
+    def between(self, start, stop, t):
+        return (1 - t) * start + t * stop
+
+
+@record(kw_only=True)
+class Circle:
+    """`count` waypoints round a circle, closed, from the direction nearest `start`."""
+
+    center: Position
+    radius: Length
+    normal: Axis = (0.0, 0.0, 1.0)
+    start: Axis = (1.0, 0.0, 0.0)
+    count: Count = 36
+
+    def waypoints(self):
+        n = np.array(self.normal) / np.linalg.norm(self.normal)
+        e = np.array(self.start) - n * np.dot(n, self.start)
+        if np.linalg.norm(e) < 1e-9:
+            raise Bad("start", "it is along the normal; give a direction in the circle's plane")
+        e = e / np.linalg.norm(e)
+        angles = 2 * np.pi * np.arange(self.count + 1) / self.count
+        return [tuple(self.center + self.radius * (np.cos(a) * e + np.sin(a) * np.cross(n, e))) for a in angles]
+
+
+@record(kw_only=True)
+class Polygon:
+    """Straight edges through `corners`, a waypoint at least every `spacing` metres; `closed` returns to the first."""
+
+    corners: tuple[Position, ...]
+    spacing: Length
+    closed: bool = True
+
+    def __post_init__(self):
+        if len(self.corners) < 2:
+            raise Bad("corners", "at least two corners are wanted")
+
+    def waypoints(self):
+        corners = [np.array(c) for c in self.corners]
+        ends = corners[1:] + corners[:1] if self.closed else corners[1:]
+        points = [corners[0]]
+        for a, b in zip(corners, ends, strict=False):
+            parts = max(1, int(np.ceil(np.linalg.norm(b - a) / self.spacing - 1e-9)))
+            points += [a + (b - a) * k / parts for k in range(1, parts + 1)]
+        return [tuple(p) for p in points]
+
+
+@record(kw_only=True)
+class Path:
+    """The point at X of a segment visits waypoints in order, each solved from its neighbour."""
+
+    on: str
+    target: Annotated[Any, Either(tuple[Position, ...], Circle, Polygon)]
+    at: Fraction = 1.0
+    orientation: RotationVector | None = None
+    weight: PositiveNumber | None = None
+
+    def __post_init__(self):
+        if len(self.waypoints()) < 2:
+            raise Bad("target", "a path needs at least two waypoints")
+
+    def waypoints(self):
+        return [tuple(p) for p in (self.target if isinstance(self.target, tuple) else self.target.waypoints())]
+
+    def stop(self, waypoint):
+        """The goal at one waypoint."""
+        if self.orientation is None:
+            return Point(on=self.on, at=self.at, target=waypoint, weight=self.weight)
+        target = PoseTarget(position=waypoint, rotation=self.orientation)
+        return Pose(on=self.on, at=self.at, target=target, weight=self.weight)
+
+
+GOALS = {"point": Point, "pose": Pose, "axis": AxisDirection, "shape": Shape, "path": Path}
+Goal = Annotated[Any, OneOf(GOALS, what="goal")]

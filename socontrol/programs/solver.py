@@ -1,0 +1,213 @@
+"""Ipopt behind a typed door: settings a file can hold, every outcome as a sentence, the solver's own log kept."""
+
+import os
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from socontrol.programs.result import Status
+from socontrol.quantities import Bad, Count, Integer, OneOf, PositiveNumber, Second, record
+
+
+@record(kw_only=True)
+class Ipopt:
+    """Settings of the interior-point solver. `options` go to Ipopt by their own names.
+
+    starts: further random starts when the plain solve and the continuation fail; seed: of those starts.
+    """
+
+    tolerance: PositiveNumber = 1e-10
+    max_iterations: Count = 300
+    max_seconds: Second = 60.0
+    linear_solver: Literal["mumps", "spral"] = "mumps"
+    starts: Integer = 4
+    seed: Integer = 1
+    options: dict[str, Any] | None = None
+
+    def __post_init__(self):
+        for key in ("max_seconds", "starts"):
+            if getattr(self, key) < 0:
+                raise Bad(key, f"{getattr(self, key)} is negative")
+
+    def plugin_options(self):
+        """Options for ca.nlpsol."""
+        own = {
+            "tol": self.tolerance,
+            "constr_viol_tol": self.tolerance,
+            "dual_inf_tol": 1e-6,
+            "compl_inf_tol": 1e-8,
+            "max_iter": self.max_iterations,
+            "max_wall_time": float(self.max_seconds) or 1e6,
+            "linear_solver": self.linear_solver,
+            "bound_relax_factor": 0.0,  # inputs stay inside their limits to the last digit
+            "nlp_scaling_method": "none",  # variables and constraints come scaled
+            "mu_init": 1e-2,
+            "sb": "yes",
+            "print_level": 5,
+        }
+        return {**own, **(self.options or {})}
+
+
+SOLVERS = {"ipopt": Ipopt}
+Solver = Annotated[Any, OneOf(SOLVERS, what="solver")]
+
+SENTENCES = {  # Ipopt's return status: (outcome, sentence)
+    "Solve_Succeeded": ("solved", "Solved."),
+    "Solved_To_Acceptable_Level": (
+        "numerical",
+        "The solver stalled near a solution, above the requested tolerance; loosen `tolerance` or rescale the problem.",
+    ),
+    "Infeasible_Problem_Detected": (
+        "infeasible",
+        "No point near the guess meets the constraints; loosen them, or start elsewhere.",
+    ),
+    "Search_Direction_Becomes_Too_Small": (
+        "numerical",
+        "The solver's steps became too small to go on; start elsewhere or loosen the tolerance.",
+    ),
+    "Diverging_Iterates": ("numerical", "The unknowns ran off to infinity; bound them."),
+    "User_Requested_Stop": ("interrupted", "Stopped by the user; run again to go on."),
+    "Feasible_Point_Found": ("solved", "A feasible point was found."),
+    "Maximum_Iterations_Exceeded": ("limit", "The iteration limit was reached; raise `max_iterations` or start nearer."),
+    "Restoration_Failed": ("numerical", "The solver found no way back to the constraints; start elsewhere."),
+    "Error_In_Step_Computation": ("numerical", "The solver could not compute a step; start elsewhere or rescale."),
+    "Maximum_CpuTime_Exceeded": ("limit", "The time limit was reached; raise `max_seconds`."),
+    "Maximum_WallTime_Exceeded": ("limit", "The time limit was reached; raise `max_seconds`."),
+    "Not_Enough_Degrees_Of_Freedom": (
+        "infeasible",
+        "More conditions than unknowns; drop a goal, give one a weight, or free an input.",
+    ),
+    "Invalid_Problem_Definition": ("numerical", "The problem is ill-posed; check bounds and limits."),
+    "Invalid_Option": ("numerical", "Ipopt refused an option; see the log for its name."),
+    "Invalid_Number_Detected": ("numerical", "The model gave NaN or infinity; bound the strains or start elsewhere."),
+    "Unrecoverable_Exception": ("numerical", "Ipopt gave up with an error of its own; see the log."),
+    "NonIpopt_Exception_Thrown": ("interrupted", "The solve was interrupted; run again to go on."),
+    "Insufficient_Memory": ("numerical", "Out of memory; use fewer sections."),
+    "Internal_Error": ("numerical", "Ipopt failed inside; see the log."),
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one call of the solver returned: status, SI values by variable, multipliers, counts."""
+
+    status: Status
+    values: dict
+    x: np.ndarray
+    lam_x: np.ndarray
+    lam_g: np.ndarray
+    cost: float
+    iterations: int
+    seconds: float
+    violation: float
+    log: str = field(default="", repr=False)
+
+
+class NLP:
+    """A program made ready for repeated solves: built once, called with new parameters, bounds and starts."""
+
+    def __init__(self, program, settings, quiet=True):
+        began = time.perf_counter()
+        self.program, self.settings, self.quiet = program, settings, quiet
+        made = program.functions()
+        self.functions = made
+        own = settings.plugin_options()
+        if quiet:
+            own["print_level"] = 0
+        self._plugin = {
+            "ipopt": own,
+            "print_time": False,
+            "calc_lam_p": False,
+            "grad_f": made["grad_f"],
+            "jac_g": made["jac_g"],
+            "hess_lag": made["hess_lag"],
+        }
+        self._solvers = {}
+        self._solver(False)
+        self.build_seconds = time.perf_counter() - began
+
+    def _solver(self, warm):
+        if warm not in self._solvers:
+            plugin = dict(self._plugin)
+            if warm:
+                plugin["ipopt"] = {
+                    **plugin["ipopt"],
+                    "warm_start_init_point": "yes",
+                    "mu_init": 1e-6,
+                    "warm_start_bound_push": 1e-9,
+                    "warm_start_bound_frac": 1e-9,
+                    "warm_start_slack_bound_push": 1e-9,
+                    "warm_start_mult_bound_push": 1e-9,
+                }
+            self._solvers[warm] = ca.nlpsol("solver", "ipopt", self.functions["nlp"], plugin)
+        return self._solvers[warm]
+
+    def solve(self, guess=None, parameters=None, bounds=None, warm=None):
+        """One call of the solver from {variable: SI guess}; `warm`: an earlier Outcome to start from, duals included."""
+        program = self.program
+        lbx, ubx = program.bounds(bounds)
+        lbg, ubg = program.limits()
+        arguments = {"p": program.stack_parameters(parameters or {}), "lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
+        if warm is not None:
+            arguments |= {"x0": np.clip(warm.x, lbx, ubx), "lam_x0": warm.lam_x, "lam_g0": warm.lam_g}
+        else:
+            arguments["x0"] = np.clip(program.stack(guess or {}), lbx, ubx)
+        began = time.perf_counter()
+        solver = self._solver(warm is not None)
+        try:
+            with captured(not self.quiet) as log:
+                answer = solver(**arguments)
+        except RuntimeError as error:
+            return self._failed(str(error), time.perf_counter() - began)
+        return self._outcome(solver, answer, (lbg, ubg), time.perf_counter() - began, log())
+
+    def _outcome(self, solver, answer, limits, seconds, log):
+        stats = solver.stats()
+        outcome, sentence = SENTENCES.get(stats["return_status"], ("numerical", f"Ipopt: {stats['return_status']}."))
+        x, g = (np.array(answer[k]).ravel() for k in ("x", "g"))
+        miss = np.maximum(limits[0] - g, g - limits[1])
+        violation = float(np.max(miss, initial=0.0)) if np.all(np.isfinite(x)) else float("nan")
+        if outcome == "solved" and not violation <= 1e3 * self.settings.tolerance:
+            outcome, sentence = "numerical", f"The solver stopped with constraints missed by {violation:.2g} (scaled)."
+        return Outcome(
+            Status(outcome, sentence), self.program.split(x), x, np.array(answer["lam_x"]).ravel(),
+            np.array(answer["lam_g"]).ravel(), float(answer["f"]), int(stats["iter_count"]), seconds, violation, log,
+        )  # fmt: skip
+
+    def _failed(self, text, seconds):
+        line = text.strip().splitlines()[-1][:200]
+        x = np.full(self.program.scale.size, np.nan)
+        empty = np.zeros(0)
+        status = Status("numerical", f"The solver refused the problem: {line}")
+        return Outcome(status, self.program.split(x), x, empty, empty, np.nan, 0, seconds, np.nan, text)
+
+
+class captured:
+    """Redirects file descriptor 1 to a file while the solver runs, so that its log is kept and stdout stays clean."""
+
+    def __init__(self, active=True):
+        self.active = active
+
+    def __enter__(self):
+        self._text = ""
+        if self.active:
+            self._file = tempfile.TemporaryFile()
+            sys.stdout.flush()
+            self._saved = os.dup(1)
+            os.dup2(self._file.fileno(), 1)
+        return lambda: self._text
+
+    def __exit__(self, *error):
+        if self.active:
+            sys.stdout.flush()
+            os.dup2(self._saved, 1)
+            os.close(self._saved)
+            self._file.seek(0)
+            self._text = self._file.read().decode(errors="replace")
+            self._file.close()
+        return False
