@@ -141,8 +141,9 @@ KINDS = {  # unit: what it measures, how a file may write it, the same in SI
 }
 COMMON = [
     *("mm", "cm", "m", "km", "um", "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "mm^4", "m^4", "1/m"),
-    *("g", "kg", "mg", "g/cm^3", "kg/m^3", "Pa", "kPa", "MPa", "GPa", "bar", "Pa s", "N", "mN", "kN"),
-    *("N m", "N mm", "N/m", "s", "ms", "min", "m/s", "mm/s", "m/s^2", "deg", "rad", "turn", "rpm", "rad/s", "deg/s"),
+    *("g", "kg", "mg", "g/cm^3", "kg/m^3", "Pa", "kPa", "MPa", "GPa", "bar"),
+    *("Pa s", "N", "mN", "kN", "N m", "N mm", "N/m"),
+    *("s", "ms", "min", "m/s", "mm/s", "m/s^2", "deg", "rad", "turn", "rpm", "rad/s", "deg/s"),
 ]
 
 NUMBER = r"(?>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3}(?![0-9]))?)"  # atomic: 11/m stays whole
@@ -161,7 +162,7 @@ def registry():
 
 @functools.cache
 def measure(unit):
-    """(SI factor, base units but radian, exponent of radian, counts events) of a unit; ValueError if unknown."""
+    """(SI factor, base units but radian, exponent of radian, counts events) of a unit, or ValueError."""
     text = re.sub(r"\b([numkKM]?N)(mm|cm|m)\b", r"\1 \2", unit)  # pint takes Nm for a number of threads
     text = "1" + text if text.startswith("/") else text
     try:

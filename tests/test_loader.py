@@ -308,6 +308,17 @@ MISTAKES = [  # text of the good file, what replaces it, the error line
     ),
     (
         "placement: [0, 0, 1 cm]",
+        'größe: "a\\nb"',
+        [
+            (
+                "r.yaml:10: segments.arm.größe: unknown key 'größe'; allowed: length, cross_section, "
+                "placement, sections, "
+                "strains, rest, rate, visible, parent"
+            )
+        ],
+    ),
+    (
+        "placement: [0, 0, 1 cm]",
         "strains: [twist, bendy]",
         ["r.yaml:10: segments.arm.strains.1: 'bendy' is not known here; did you mean 'bend_y'?"],
     ),

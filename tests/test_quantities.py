@@ -119,6 +119,7 @@ REFUSED = [  # field, what a file writes, the sentence
     (Length, "50 KM", "unknown unit 'KM'; did you mean 'km'?"),
     (Length, "50 foo", "unknown unit 'foo'"),
     (Area, "5 mm2", "unknown unit 'mm2'; did you mean 'mm^2'?"),
+    (Metre, "11*m", "'11*m' is not a length in m, e.g. '50 mm'"),
     (Length, "long", "'long' is not a length in m, e.g. '50 mm'"),
     (Length, True, "true is given; a length in m, e.g. '50 mm' is wanted"),
     (Length, None, "nothing is given; a length in m, e.g. '50 mm' is wanted"),

@@ -345,8 +345,8 @@ def validate(annotation, data, where=None, path=()):
     except ValidationError as invalid:
         found = invalid.errors(include_url=False)
     where = where or Document(None)
-    mistakes = dict(mistake(annotation, data, error) for error in reversed(found))  # the first at each path
-    errors = [where.error((*path, *inner), message) for inner, message in reversed(mistakes.items())]
+    mistakes = dict(mistake(annotation, data, error) for error in found)  # one at each path
+    errors = [where.error((*path, *inner), message) for inner, message in mistakes.items()]
     raise gathered(errors)
 
 

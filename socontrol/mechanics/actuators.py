@@ -46,6 +46,8 @@ class RodLine:
     ends: tuple = ()
     part: tuple = (0.0, 1.0)
 
+    conservative = True
+
     def length(self, tree, q):
         """int |v| ds [m]."""
         return sum(w * ca.norm_2(v) for w, _, v in self._vectors(tree.pieces[self.piece], q))
@@ -111,6 +113,8 @@ class Chord:
     stop: Any
     gain: Any
 
+    conservative = True
+
     def length(self, tree, q):
         return ca.norm_2(self._span(tree, q)[1])
 
@@ -141,6 +145,7 @@ class Torque:
     piece: int
     degree: int
     gain: float = 1.0
+    conservative = False  # of several degrees of freedom; for one its gradient is zero anyway
 
     def length(self, tree, q):
         return q[tree.pieces[self.piece].columns][self.degree]

@@ -58,6 +58,22 @@ class Statics:
                 parts[line.piece] += self.u[k] * line.gradient(tree, self.q)
         return ca.diagcat(*parts)
 
+    def actuation_gradient(self, lam):
+        """Column a: d(lam . B_a)/dq [n x m]."""
+        tree, columns = self.robot.tree, []
+        for shares in self.robot.lines:
+            parts = [ca.DM(piece.size, 1) for piece in tree.pieces]
+            for line in shares:
+                columns_of = tree.pieces[line.piece].columns
+                parts[line.piece] += line.gradient(tree, self.q).T @ lam[columns_of]
+            columns.append(ca.vertcat(*parts))
+        return ca.horzcat(*columns) if columns else ca.DM(tree.n, 0)
+
+    @property
+    def conservative_actuation(self):
+        """Whether every input works along a length: tau = u d(length)/dq, so that d(B u)/dq is symmetric."""
+        return all(line.conservative for shares in self.robot.lines for line in shares)
+
     def residual(self):
         return self.elastic_force() - self.external_force() - self.actuation() @ self.u
 

@@ -56,7 +56,13 @@ def _less_holes(whole, holes, torsion_constant):
         A, Sy, Sz = A - a, Sy - a * z, Sz - a * y
         Jy, Jz, Jyz = Jy - j - a * z**2, Jz - j - a * y**2, Jyz - a * y * z
         Jt = Jt - 2 * j - a * (y**2 + z**2)
+    Sy, Sz, Jyz = _unless_rounding(Sy, A**1.5), _unless_rounding(Sz, A**1.5), _unless_rounding(Jyz, A**2)
     return Moments(A, Sy, Sz, Jy, Jz, Jyz, Jt if torsion_constant is None else torsion_constant)
+
+
+def _unless_rounding(value, scale):
+    """0 for what symmetric holes leave by rounding, so that a centred section is known to be centred."""
+    return 0 if isinstance(value, (int, float)) and abs(value) < 1e-12 * scale else value
 
 
 def _refuse_holes_outside(holes, inside, what):

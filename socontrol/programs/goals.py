@@ -66,6 +66,10 @@ class Point:
     def miss(self, robot, kin, target):
         return se3.position(kin.frame_pose(locate(robot, self)))[self.rows] - target
 
+    def reached(self, f, q):
+        """Numbers of the target that q meets."""
+        return np.array(f.pose(self.on, self.at)(q))[self.rows, 3]
+
     def between(self, start, stop, t):
         """Numbers of the target on the way from `start` to `stop`."""
         return (1 - t) * start + t * stop
@@ -102,6 +106,10 @@ class Pose:
         turn = so3.log(so3.exp(target[3:]).T @ se3.rotation(g))
         return ca.vertcat(se3.position(g) - target[:3], turn)
 
+    def reached(self, f, q):
+        g = f.pose(self.on, self.at)(q)
+        return np.array(ca.vertcat(g[:3, 3], so3.log(g[:3, :3]))).ravel()
+
     def between(self, start, stop, t):
         R0, R1 = so3.exp(ca.DM(start[3:])), so3.exp(ca.DM(stop[3:]))
         turned = so3.log(R0 @ so3.exp(t * so3.log(R0.T @ R1)))
@@ -136,6 +144,10 @@ class AxisDirection:
         a = se3.rotation(kin.frame_pose(locate(robot, self))) @ axis
         across = ca.DM(self._across())
         return 2 * (across.T @ (a - target * ca.dot(a, target))) / (1 + ca.dot(a, target) + 1e-9)
+
+    def reached(self, f, q):
+        axis = np.array(self.axis) / np.linalg.norm(self.axis)
+        return np.array(f.pose(self.on, self.at)(q))[:3, :3] @ axis
 
     def _across(self):
         """Two directions [3 x 2] across the declared target."""
@@ -186,6 +198,9 @@ class Shape:
     def miss(self, robot, kin, target):
         frames = [locate(robot, Point(on=self.on, at=p.at, target=p.position)) for p in self.target]
         return ca.vertcat(*(se3.position(kin.frame_pose(f)) for f in frames)) - target
+
+    def reached(self, f, q):
+        return np.concatenate([np.array(f.pose(self.on, p.at)(q))[:3, 3] for p in self.target])
 
     def between(self, start, stop, t):
         return (1 - t) * start + t * stop

@@ -1,0 +1,126 @@
+"""From (q, u) to a Result: poses, lengths, energies, limits, and the looks that make the answer trustworthy."""
+
+import numpy as np
+
+from socontrol.mechanics.loads import PointLoad
+from socontrol.programs import check
+from socontrol.programs.result import Value
+from socontrol.programs.stability import stability
+
+FORCE_TOLERANCE = 1e-8  # recomputed unbalanced force over the largest elastic (or external) force
+ACTIVE = 1e-6  # of the limits' span: closer counts as on the limit
+
+
+class Look:
+    """Values and residuals of one posture of a robot; Functions are made once for repeated use."""
+
+    def __init__(self, question, balance):
+        self.question, self.balance, self.robot = question, balance, question.loaded
+        self.functions = self.robot.functions()
+        self._fine = None
+
+    def values(self, q, u):
+        """{name: Value} of inputs, coordinates, end poses, cable lengths and energies."""
+        robot, f, values = self.robot, self.functions, {}
+        for name, unit, x in zip(robot.inputs, robot.input_units, u, strict=True):
+            values[f"inputs.{name}"] = Value(float(x), unit)
+        for segment in robot.segments:
+            g = np.array(f.pose(segment, 1.0)(q))
+            values[f"{segment}.position"] = Value(g[:3, 3].tolist(), "m")
+            values[f"{segment}.rotation"] = Value(rotation_vector(g[:3, :3]).tolist(), "rad")
+        if robot.m:
+            lengths = np.array(f.actuator_lengths(q)).ravel()
+            units = ["rad" if unit == "N m" else "m" for unit in robot.input_units]
+            for name, unit, x in zip(robot.inputs, units, lengths, strict=True):
+                values[f"lengths.{name}"] = Value(float(x), unit)
+        elastic, gravitational = np.array(f.energy(q)).ravel()
+        values["energy.elastic"] = Value(float(elastic), "J")
+        values["energy.gravitational"] = Value(float(gravitational), "J")
+        return values
+
+    def residuals(self, q, u, free):
+        """Recomputed unbalanced force beside the largest force, on the free coordinates; scaled by sqrt(K)."""
+        r, elastic, external, actuation = check.residual(self.robot, q, u)
+        scale = self.balance.scales.force
+        parts = np.concatenate([np.abs(p / scale)[free] for p in (elastic, external, actuation)])
+        largest = max(float(np.max(parts, initial=0.0)), 1e-300)
+        worst = float(np.max(np.abs(r / scale)[free], initial=0.0))
+        own = np.abs(np.array(self.balance.evaluate(q, u)[0]) / scale)[free]
+        return {
+            "force": Value(worst / largest, "1"),
+            "solver_force": Value(float(np.max(own, initial=0.0)) / largest, "1"),
+        }
+
+    def stability(self, q, u, free):
+        """Stability at (q, u) on the free coordinates."""
+        tangent = np.array(self.balance.evaluate(q, u)[1])
+        conservative = all(load.conservative for load in self.robot.loads if isinstance(load, PointLoad))
+        return stability(tangent, self.balance.scales, conservative, free)
+
+    def limits_reached(self, q, u):
+        """Sentences for inputs and coordinates that stand on a limit."""
+        reached = []
+        for key, x, (lower, upper) in (
+            ("inputs", u, self.question.input_limits()),
+            ("coordinates", q, self.question.coordinate_limits()),
+        ):
+            names = getattr(self.robot, key)
+            for i, name in enumerate(names):
+                span = upper[i] - lower[i] if np.isfinite(upper[i] - lower[i]) else max(1.0, abs(x[i]))
+                if span == 0:
+                    continue
+                for side, limit, gap in (("lower", lower[i], x[i] - lower[i]), ("upper", upper[i], upper[i] - x[i])):
+                    if gap <= ACTIVE * span:
+                        reached.append({"kind": key[:-1], "name": name, "side": side, "limit": float(limit), "index": i})
+        return reached
+
+    def doubled(self, q, u, prescribed):
+        """Change of each end frame's position when every section is halved, in metres; None when that fails."""
+        from socontrol.programs.balance import Balance
+
+        fine = self.robot.refined(sections=2)
+        if fine.n == self.robot.n:
+            return {}
+        balance = Balance(fine)
+        start = _spread(self.robot, fine, q)
+        held = {fine.coordinates.index(self.robot.coordinates[i]): x for i, x in prescribed.items()
+                if self.robot.coordinates[i] in fine.coordinates}  # fmt: skip
+        answer = balance.solve(u, start, prescribed=held)
+        if not answer.status.solved:
+            return None
+        f = fine.functions()
+        changes = {}
+        for segment in self.robot.segments:
+            before = np.array(self.functions.pose(segment, 1.0)(q))[:3, 3]
+            changes[segment] = float(np.linalg.norm(np.array(f.pose(segment, 1.0)(answer.q))[:3, 3] - before))
+        return changes
+
+    def collapsed(self, q):
+        """Rods that are nearly crushed (stretch below -0.9) or leave the series' range, by name."""
+        names = list(self.robot.overstrained(q))
+        for piece in self.robot.tree.pieces:
+            if piece.is_rod and "stretch" in piece.record.active():
+                stretch = float(np.asarray(q)[piece.columns][piece.record.active().index("stretch")])
+                if stretch < -0.9:
+                    names.append(f"{piece.segment}.{piece.index} (stretch {stretch:.2g})")
+        return names
+
+
+def _spread(robot, fine, q):
+    """Coordinates of the refined robot that hold the same shape."""
+    start = np.zeros(fine.n)
+    for segment in robot.segments:
+        coarse = robot.tree.of[segment]
+        for k, i in enumerate(fine.tree.of[segment]):
+            source = robot.tree.pieces[coarse[k * len(coarse) // len(fine.tree.of[segment])]]
+            start[fine.tree.pieces[i].columns] = np.asarray(q)[source.columns]
+    return start
+
+
+def rotation_vector(R):
+    """Rotation vector [3] of R, in numpy, any angle up to pi."""
+    import casadi as ca
+
+    from socontrol.lie import so3
+
+    return np.array(so3.log(ca.DM(R))).ravel()

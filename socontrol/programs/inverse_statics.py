@@ -1,0 +1,230 @@
+"""Problem type `inverse_statics`: which inputs hold the goals under these loads, within the limits?
+
+From rest first; if that fails, the nearest reachable posture is sought, then the goal by continuation from rest,
+then from further starts (random inputs, fixed seed). Every attempt is kept in `details["attempts"]`.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from socontrol.programs.answer import Look
+from socontrol.programs.balance import Balance
+from socontrol.programs.costs import Cost
+from socontrol.programs.goals import Goal, Path
+from socontrol.programs.posture import Posture
+from socontrol.programs.question import Question
+from socontrol.programs.result import Result, Status, Value
+from socontrol.programs.statics import looked_at
+from socontrol.programs.unreachable import explain
+from socontrol.quantities import Bad, Flag, record
+
+GOAL_TOLERANCE = 1e-7  # of the robot's length, or radians
+STEPS = 5  # of the continuation from rest to goal
+
+
+@record(kw_only=True)
+class InverseStatics(Question):
+    """goals: what to hold; costs: what to keep small (default: input effort); sensitivities: print du/d(goal, load)."""
+
+    goals: dict[str, Goal]
+    costs: dict[str, Cost] | None = None
+    sensitivities: Flag = False
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not self.goals:
+            raise Bad("goals", "no goal is given; name at least one")
+        if sum(isinstance(g, Path) for g in self.goals.values()) > 1:
+            raise Bad("goals", "one path at the most; its waypoints set the order")
+        if not self.robot.m and not (self.coordinates or {}):
+            raise Bad("goals", "the robot has no actuators that could meet a goal; add `actuators:` to its file")
+        for name, goal in self.goals.items():
+            if goal.on not in self.robot.segments:
+                _locate(self.robot, name, goal)
+
+    def prepare(self):
+        return InverseSolver(self)
+
+    def solve(self, progress=None):
+        return self.prepare().solve(progress=progress)
+
+
+def _locate(robot, name, goal):
+    from socontrol.programs.goals import locate
+
+    try:
+        locate(robot, goal)
+    except Bad as bad:
+        raise Bad(f"goals.{name}.{bad.key}", str(bad)) from None
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One call of the solver: where it started, how it ended."""
+
+    start: str
+    outcome: str
+    iterations: int
+    seconds: float
+
+
+class InverseSolver:
+    """A question made ready: programs built once, solved for changing targets, loads and starts."""
+
+    def __init__(self, question):
+        self.question = question
+        self.path = next(((n, g) for n, g in question.goals.items() if isinstance(g, Path)), None)
+        goals = dict(question.goals)
+        if self.path:
+            goals[self.path[0]] = self.path[1].stop(self.path[1].waypoints()[0])
+        self.balance = Balance(question.loaded)
+        self.posture = Posture(question, goals, self.balance.scales)
+        self.look = Look(question, self.balance)
+        self._rest = None
+
+    @property
+    def rest(self):
+        """Equilibrium coordinates [n] without effort: inputs at 0 (or what is given, or the limit nearest 0)."""
+        if self._rest is None:
+            lower, upper = self.posture.limits()["u"]
+            u = np.clip(np.zeros(self.question.robot.m), lower, upper)
+            answer = self.balance.solve(u, prescribed=self.posture.prescribed)
+            q = answer.q if answer.status.solved else np.zeros(self.question.robot.n)
+            self._rest = {"q": q, "u": u}
+        return self._rest
+
+    def guess(self):
+        """Where the plain solve starts: the question's guess, or rest."""
+        given = self.question.guess
+        if not given.inputs and not given.coordinates:
+            return self.rest
+        u = self.question.vector("inputs", given.inputs, "guess.inputs")
+        if given.coordinates:
+            return {"q": self.question.vector("coordinates", given.coordinates, "guess.coordinates"), "u": u}
+        return {"q": self.balance.solve(u, prescribed=self.posture.prescribed).q, "u": u}
+
+    def find(self, targets, start=None, warm=None):
+        """(outcome, attempts) for {parameter: numbers}: the exact program from several starts, or the nearest one."""
+        attempts, parameters = [], {**self.posture.targets(), **targets}
+
+        def attempt(label, nlp, **how):
+            outcome = nlp.solve(parameters=parameters if "parameters" not in how else how.pop("parameters"), **how)
+            attempts.append(Attempt(label, outcome.status.outcome, outcome.iterations, outcome.seconds))
+            return outcome
+
+        posture = self.posture
+        if warm is not None:
+            outcome = attempt("neighbour", posture.exact, warm=warm)
+            if outcome.status.solved:
+                return outcome, attempts
+        outcome = attempt("guess" if start is None and self.question.guess.inputs else "rest",
+                          posture.exact, guess=start or self.guess())  # fmt: skip
+        if outcome.status.solved or outcome.status.outcome == "interrupted":
+            return outcome, attempts
+        near = attempt("nearest", posture.nearest, guess=self.rest)
+        if near.status.solved and self.meets(near, parameters, 1e-3):
+            outcome = attempt("from the nearest", posture.exact, guess=near.values)
+            if outcome.status.solved:
+                return outcome, attempts
+        outcome = self._continuation(parameters, attempts) or outcome
+        if outcome.status.solved:
+            return outcome, attempts
+        return self._several_starts(parameters, attempt, near, outcome), attempts
+
+    def _continuation(self, parameters, attempts):
+        """From rest to goal in steps, each from the one before; None where a step fails."""
+        start, outcome = self._reached(self.rest["q"]), None
+        guess = self.rest
+        for k in range(1, STEPS + 1):
+            way = {
+                f"target.{n}": goal.between(np.array(start[n]), np.array(parameters[f"target.{n}"]), k / STEPS)
+                for n, goal in self.posture.goals.items()
+            }
+            outcome = self.posture.exact.solve(guess=guess, parameters={**parameters, **way})
+            attempts.append(
+                Attempt(f"continuation {k}/{STEPS}", outcome.status.outcome, outcome.iterations, outcome.seconds)
+            )
+            if not outcome.status.solved:
+                return outcome
+            guess = outcome.values
+        return outcome
+
+    def _several_starts(self, parameters, attempt, near, outcome):
+        """Random inputs within the limits, in equilibrium; the exact program, or else the nearest posture of all."""
+        rng = np.random.default_rng(self.question.solver.seed)
+        lower, upper = self.posture.limits()["u"]
+        lower = np.where(np.isfinite(lower), lower, -self.balance.scales.u)
+        upper = np.where(np.isfinite(upper), upper, self.balance.scales.u)
+        best = near if near.status.solved else None
+        for k in range(self.question.solver.starts):
+            u = lower + (upper - lower) * rng.random(lower.size)
+            q = self.balance.solve(u, self.rest["q"], prescribed=self.posture.prescribed).q
+            guess = {"q": q if np.all(np.isfinite(q)) else self.rest["q"], "u": u}
+            near = attempt(f"nearest, start {k + 1}", self.posture.nearest, guess=guess)
+            if near.status.solved and (best is None or near.cost < best.cost - 1e-12):
+                best = near
+            if near.status.solved and self.meets(near, parameters, 1e-3):
+                found = attempt(f"start {k + 1}", self.posture.exact, guess=near.values)
+                if found.status.solved:
+                    return found
+        if best is None:
+            return outcome
+        status = Status("infeasible", "The goal is out of reach; the nearest reachable posture is returned.")
+        return replace(best, status=status)
+
+    def meets(self, outcome, parameters, tolerance=GOAL_TOLERANCE):
+        """Whether every unweighted goal is met within `tolerance` of the robot's length (or radians)."""
+        misses = self.posture.misses(outcome.values["q"], parameters)
+        return all(
+            np.max(np.abs(miss / np.array(self.posture.goals[n].scales(self.question.robot.length)))) <= tolerance
+            for n, miss in misses.items()
+            if self.posture.goals[n].weight is None
+        )
+
+    def _reached(self, q):
+        """Numbers each goal would have as target at q: where a continuation starts."""
+        f, numbers = self.look.functions, {}
+        for name, goal in self.posture.goals.items():
+            numbers[name] = goal.reached(f, q)
+        return numbers
+
+    def solve(self, targets=None, start=None, warm=None, progress=None):
+        """The answer as a Result: inputs, posture, residuals; a path gives one answer with arrays over waypoints."""
+        if self.path:
+            from socontrol.programs.paths import follow
+
+            return follow(self, progress)
+        began = time.perf_counter()
+        outcome, attempts = self.find(targets or {}, start, warm)
+        return self.result(outcome, attempts, {**self.posture.targets(), **(targets or {})}, time.perf_counter() - began)
+
+    def result(self, outcome, attempts, parameters, seconds):
+        """Result of an outcome: values, misses, the independent look, and for a miss the way out."""
+        question, posture = self.question, self.posture
+        q, u = outcome.values["q"], outcome.values["u"]
+        solver = {"iterations": sum(a.iterations for a in attempts), "seconds": seconds}
+        result = Result(
+            name=question.name, type="inverse_statics", status=outcome.status, question=question, log=outcome.log,
+            arrays={"q": q, "u": u}, solver=solver, details={"attempts": attempts, "targets": parameters},
+        )  # fmt: skip
+        if not np.all(np.isfinite(q)):
+            return result
+        residuals = {}
+        for name, miss in posture.misses(q, parameters).items():
+            units = np.array(posture.goals[name].units())
+            for unit in dict.fromkeys(units):
+                key = f"goals.{name}" if unit == units[0] else f"goals.{name}.{unit}"
+                residuals[key] = Value(float(np.linalg.norm(miss[units == unit])), str(unit))
+        result = looked_at(result, self.look, posture.free, posture.prescribed, residuals)
+        if result.status.solved and not self.meets(outcome, parameters):
+            status = Status("rejected", "The recomputed goal is missed; tighten the solver's tolerance.")
+            result = Result(**{**vars(result), "status": status})
+        if outcome.status.outcome == "infeasible":
+            result = explain(self, result, outcome, parameters)
+        if question.sensitivities and result.status.solved:
+            from socontrol.programs.sensitivity import sensitivities
+
+            result.details["sensitivities"] = sensitivities(self, outcome, parameters)
+        return result

@@ -1,0 +1,137 @@
+"""A posture as a program: coordinates q and inputs u in equilibrium, goals met exactly or nearly, least cost.
+
+    minimise   sum costs + sum_weighted w |miss / scale|^2 / 2
+    subject to r(q, u) = 0,  miss_exact(q) = 0,  limits on q and u
+The equilibrium brings its own tangent dr/dq = K_tot, dr/du = -B and curvature sum_i lam_i d2r_i: for loads with a
+potential the latter is the derivative of K_tot along lam, one forward sweep instead of n.
+"""
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from socontrol.mechanics.kinematics import Kinematics
+from socontrol.mechanics.loads import Wrench, is_zero
+from socontrol.mechanics.statics import Statics
+from socontrol.programs.costs import Effort
+from socontrol.programs.program import Program
+from socontrol.programs.scaling import scales
+from socontrol.programs.solver import NLP
+from socontrol.quantities import Bad
+
+
+class Posture:
+    """Expressions and programs of one question; `goals` {name: record} without paths."""
+
+    def __init__(self, question, goals, balance_scales=None):
+        self.question, self.goals, self.robot = question, goals, question.loaded
+        self.scales = balance_scales or scales(self.robot)
+        self.load_values = load_parameters(self.robot)
+        self.prescribed = question.named("coordinates", question.coordinates)
+        self.given = question.named("inputs", question.inputs)
+
+    @cached_property
+    def exact(self):
+        """NLP with unweighted goals as constraints."""
+        return self._nlp(False)
+
+    @cached_property
+    def nearest(self):
+        """NLP with every goal as a cost: the nearest reachable posture."""
+        return self._nlp(True)
+
+    @cached_property
+    def free(self):
+        """Mask [n] of coordinates that are not prescribed."""
+        mask = np.ones(self.robot.n, dtype=bool)
+        mask[list(self.prescribed)] = False
+        return mask
+
+    def targets(self):
+        """{parameter: numbers} of the goals as declared."""
+        return {f"target.{name}": goal.numbers() for name, goal in self.goals.items()}
+
+    def limits(self):
+        """{variable: (lower, upper)} with given inputs and prescribed coordinates held."""
+        pairs = {"q": self.question.coordinate_limits(), "u": self.question.input_limits()}
+        for key, held in (("q", self.prescribed), ("u", self.given)):
+            for i, value in held.items():
+                pairs[key][0][i] = pairs[key][1][i] = value
+        return pairs
+
+    def _nlp(self, nearest):
+        robot, s, limits = self.robot, self.scales, self.limits()
+        program = Program(ca.SX.sym)
+        q = program.variable("q", robot.n, scale=s.q, lower=limits["q"][0], upper=limits["q"][1])
+        u = program.variable("u", robot.m, scale=s.u, lower=limits["u"][0], upper=limits["u"][1])
+        loads = {path: program.parameter(f"load.{path}", value) for path, value in self.load_values.items()}
+        bodied = robot.with_values({path: tuple(ca.vertsplit(x)) for path, x in loads.items()})
+        terms = _Terms(bodied, q, u, s, program)
+        slack = np.where(self.free, 0.0, np.inf)
+        program.constrain(
+            "equilibrium", terms.statics.residual(), lower=-slack, upper=slack, scale=s.force, unit="scaled",
+            tangent={"q": terms.tangent, "u": -terms.actuation}, curvature=terms.curvature,
+        )  # fmt: skip
+        for name, goal in self.goals.items():
+            target = program.parameter(f"target.{name}", goal.numbers())
+            miss, scale = _miss(name, goal, bodied, terms.statics.kin, target), np.array(goal.scales(robot.length))
+            if nearest or goal.weight is not None:
+                weight = 1.0 if goal.weight is None else goal.weight
+                program.minimize((100.0 if nearest else 1.0) * weight * ca.sumsqr(miss / ca.DM(scale)) / 2)
+            else:
+                program.constrain(f"goals.{name}", miss, scale=scale, unit=goal.units())
+        weight = 1e-9 if nearest else 1.0  # enough to single out one of several nearest postures
+        for cost in (self.question.costs or {"effort": Effort()}).values():
+            program.minimize(weight * cost.expression(terms))
+        return NLP(program, self.question.solver)
+
+    def misses(self, q, targets=None):
+        """{goal: miss in SI [rows]} at numeric q."""
+        kin = Kinematics(self.robot.tree, ca.DM(q))
+        targets = targets or self.targets()
+        return {
+            name: np.array(ca.DM(goal.miss(self.robot, kin, ca.DM(targets[f"target.{name}"])))).ravel()
+            for name, goal in self.goals.items()
+        }
+
+
+class _Terms:
+    """The expressions costs and constraints are made of (also what `costs` calls a posture)."""
+
+    def __init__(self, robot, q, u, s, program):
+        self.robot, self.q, self.u = robot, q, u
+        self.q_scale, self.u_scale, self.energy_scale = s.q, s.u, s.energy
+        self.statics = Statics(robot, q, u)
+        self.tangent, self.actuation = self.statics.tangent(), self.statics.actuation()
+        self._hat, self._conservative = program.variables["q"].symbol, all(x.conservative for x in robot.loads)
+
+    def elastic_energy(self):
+        return self.statics.elastic_energy()
+
+    def curvature(self, lam):
+        """Blocks of sum_i lam_i d2 r_i for (q, q) and (q, u)."""
+        if self._conservative and self.statics.conservative_actuation:
+            along = ca.jtimes(ca.vec(self.tangent), self._hat, lam / ca.DM(self.q_scale))
+            qq = ca.reshape(along, self.tangent.shape)
+        else:
+            qq = ca.jacobian(self.tangent.T @ lam, self._hat) @ ca.diag(1 / ca.DM(self.q_scale))
+        return {("q", "q"): qq, ("q", "u"): -self.statics.actuation_gradient(lam)}
+
+
+def _miss(name, goal, robot, kin, target):
+    try:
+        return goal.miss(robot, kin, target)
+    except Bad as bad:
+        raise Bad(f"goals.{name}.{bad.key}", str(bad)) from None
+
+
+def load_parameters(robot):
+    """{path: value} of the point loads' forces and moments that are not zero."""
+    values = {}
+    for name, load in (robot.description.loads or {}).items():
+        if isinstance(load, Wrench):
+            for key in ("force", "moment"):
+                if not is_zero(getattr(load, key)):
+                    values[f"loads.{name}.{key}"] = np.array(getattr(load, key), dtype=float)
+    return values
