@@ -1,0 +1,30 @@
+"""socontrol: inverse statics, planning and code generation for robots made of rigid links, soft rods or both."""
+
+import importlib
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "load_robot": "socontrol.files.robot_file",
+    "robot": "socontrol.files.robot_file",
+    "load_problem": "socontrol.files.problem_file",
+    "problem": "socontrol.files.problem_file",
+    "solve": "socontrol.programs.questions",
+    "load_result": "socontrol.files.result_file",
+    "Robot": "socontrol.mechanics.robot",
+    "Result": "socontrol.programs.result",
+    "NotSolved": "socontrol.programs.result",
+    "FileError": "socontrol.files.loader",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name):
+    """Public names load their module when first used, so that importing socontrol stays fast."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'socontrol' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__():
+    return [*globals(), *_HOMES]

@@ -18,7 +18,7 @@ class RobotFunction:
     """
 
     def __init__(self, function, robot):
-        self.function, self._turn = function, _turning(robot.tree)
+        self.function, self._turn, self._coordinates = function, _turning(robot.tree), robot.coordinates
 
     def __call__(self, *args):
         if args and self._turn is not None and not isinstance(args[0], (ca.SX, ca.MX)):
@@ -29,9 +29,12 @@ class RobotFunction:
         matrix, offset, names, columns = self._turn
         if q.size != columns:
             raise ValueError(f"{self.function.name()}: {q.size} coordinates given, {columns} wanted")
+        if not np.all(np.isfinite(q)):
+            first = int(np.argmin(np.isfinite(q)))
+            raise ValueError(f"{self.function.name()}: coordinate {self._coordinates[first]} is {q[first]}")
         angles = np.linalg.norm((matrix @ q + offset).reshape(-1, 3), axis=1)
         if not np.all(angles <= stumpff.RANGE):
-            worst = int(np.argmax(np.where(np.isnan(angles), np.inf, angles)))
+            worst = int(np.argmax(angles))
             raise ValueError(
                 f"{self.function.name()}: section {names[worst]} turns by {angles[worst]:.3g} rad; a section holds for"
                 f" up to 2 pi: use more sections or smaller strains"
@@ -78,16 +81,21 @@ class Functions:
         )
         self._made = {}
 
-    def _function(self, name, arguments, expression, outputs=None):
-        if name not in self._made:
-            symbols = {"q": self._q, "u": self._u, "p": self._p, **{s.name(): s for s in ()}}
+    def _function(self, name, arguments, expression, outputs=None, place=None):
+        key = name, place  # names of two places can agree: they hold six digits of X and plain letters
+        if key not in self._made:
+            symbols = {"q": self._q, "u": self._u, "p": self._p}
             names = [*arguments, "p"] if self.parameters else list(arguments)
             results = expression()
             results = results if isinstance(results, (list, tuple)) else [results]
             results = [ca.densify(ca.SX(r)) for r in results]
             function = ca.Function(name, [symbols[n] for n in names], results, names, outputs or ["out"])
-            self._made[name] = RobotFunction(function, self.base)
-        return self._made[name]
+            self._made[key] = RobotFunction(function, self.base)
+        return self._made[key]
+
+    def _at(self, kind, segment, X, arguments, expression):
+        """Function of a place."""
+        return self._function(_name(kind, segment, X), arguments, expression, place=(segment, X))
 
     @cached_property
     def _kin(self):
@@ -100,12 +108,12 @@ class Functions:
     def pose(self, segment, X=1.0):
         """World <- frame at X of a segment [4 x 4] (q)."""
         frame = self.robot.tree.locate(segment, X)
-        return self._function(_name("pose", segment, X), "q", lambda: self._kin.frame_pose(frame))
+        return self._at("pose", segment, X, "q", lambda: self._kin.frame_pose(frame))
 
     def jacobian(self, segment, X=1.0):
         """Body Jacobian [6 x n] of the frame at X of a segment (q)."""
         frame = self.robot.tree.locate(segment, X)
-        return self._function(_name("jacobian", segment, X), "q", lambda: self._kin.jacobian(frame))
+        return self._at("jacobian", segment, X, "q", lambda: self._kin.jacobian(frame))
 
     @property
     def elastic_force(self):
@@ -178,13 +186,11 @@ class Functions:
 
     def internal_wrench(self, segment, X):
         """Elastic wrench [moment; force] at X of a rod that equilibrium asks for, body frame (q, u)."""
-        return self._function(
-            _name("internal_wrench", segment, X), "qu", lambda: internal.wrench(self._statics, segment, X)
-        )
+        return self._at("internal_wrench", segment, X, "qu", lambda: internal.wrench(self._statics, segment, X))
 
     def reaction(self, segment):
         """Wrench on a segment from what carries it, at its base, base frame (q)."""
-        return self._function(_name("reaction", segment, 0), "q", lambda: internal.reaction(self._statics, segment))
+        return self._at("reaction", segment, 0, "q", lambda: internal.reaction(self._statics, segment))
 
     def screw(self, segment, section=0):
         """Function of numeric q that gives pitch, axis and magnitude of a section's or joint's screw."""
