@@ -19,46 +19,81 @@ MOMENTS = 2 * TERMS + 4
 
 def moment(xi, moments):
     """sum_i w_i r(s_i) [3] from the moments m_k [MOMENTS] of the weights."""
-    k, p = xi[:3], xi[3:]
-    x = ca.dot(k, k)
-    kp = ca.cross(k, p)
-    return moments[1] * p + _weighted(x, moments, 2) * kp + _weighted(x, moments, 3) * ca.cross(k, kp)
+    return _moment_functions()[0](xi, moments)
 
 
-def _weighted(x, moments, k):
-    """P_k(x) by Horner's rule."""
+def _weighted(x, moments, k, order=0):
+    """The derivative of P_k in x of this order, by Horner's rule."""
     total = 0
-    for j in reversed(range(TERMS)):
-        total = moments[2 * j + k] * ((-1) ** j / factorial(2 * j + k)) + x * total
+    for j in reversed(range(order, TERMS)):
+        factor = (-1) ** j * factorial(j) / factorial(j - order) / factorial(2 * j + k)
+        total = moments[2 * j + k] * factor + x * total
     return total
 
 
 @lru_cache(maxsize=1)
 def _moment_functions():
-    xi, m, f = ca.SX.sym("xi", 6), ca.SX.sym("m", MOMENTS), ca.SX.sym("f", 3)
-    c = moment(xi, m)
-    hessian, gradient = ca.hessian(ca.dot(f, c), xi)
+    """Value, Jacobian, and gradient and Hessian of a projection, with P_k differentiated as series of their own.
+
+    Automatic differentiation through Horner's rule would repeat it for each of the six directions.
+    """
+    xi, m, f, P = ca.SX.sym("xi", 6), ca.SX.sym("m", MOMENTS), ca.SX.sym("f", 3), ca.SX.sym("P", 2)
+    k, p = xi[:3], xi[3:]
+    x, dx, ddx = ca.dot(k, k), ca.vertcat(2 * k, 0, 0, 0), ca.diag(ca.DM([2, 2, 2, 0, 0, 0]))
+    values, first, second = (ca.vertcat(*(_weighted(x, m, n, order) for n in (2, 3))) for order in (0, 1, 2))
+    kp = ca.cross(k, p)
+    c = m[1] * p + P[0] * kp + P[1] * ca.cross(k, kp)
+    jacobian = ca.jacobian(c, xi) + ca.jacobian(c, P) @ first @ dx.T
+
+    phi = ca.dot(f, c)
+    by_P = ca.gradient(phi, P)
+    slope, bend = ca.dot(by_P, first), ca.dot(by_P, second)
+    F1 = ca.SX.sym("F1", 2)
+    mixed = ca.substitute(ca.gradient(ca.dot(by_P, F1), xi), F1, first) @ dx.T
+    hessian = ca.hessian(phi, xi)[0] + mixed + mixed.T + bend * dx @ dx.T + slope * ddx
+    gradient = ca.gradient(phi, xi) + slope * dx
+
+    def made(name, inputs, outputs):
+        return ca.Function(name, inputs, [ca.substitute(e, P, values) for e in outputs])
+
     return (
-        ca.Function("moment_jacobian", [xi, m], [ca.jacobian(c, xi)]),
-        ca.Function("moment_derivatives", [xi, m, f], [gradient, hessian]),
+        made("moment", [xi, m], [c]),
+        made("moment_jacobian", [xi, m], [jacobian]),
+        made("moment_derivatives", [xi, m, f], [gradient, hessian]),
     )
 
 
 def moment_jacobian(xi, moments):
     """d(moment)/dxi [3 x 6]."""
-    return _moment_functions()[0](xi, moments)
+    return _moment_functions()[1](xi, moments)
 
 
 def moment_derivatives(xi, moments, f):
     """Gradient [6] and Hessian [6 x 6] in xi of f . moment(xi)."""
-    return _moment_functions()[1](xi, moments, f)
+    return _moment_functions()[2](xi, moments, f)
+
+
+@lru_cache(maxsize=4)
+def _step(coefficients):
+    Omega = ca.SX.sym("Omega", 6)
+    return ca.Function("step", [Omega], [*se3.exp_and_tangent(Omega, coefficients)])
+
+
+def exp_and_tangent(Omega, coefficients=stumpff.series):
+    """exp(Omega) [4 x 4] and tangent(Omega) [6 x 6], the expressions of `se3`, formed once and inlined."""
+    return _step(coefficients)(Omega)
 
 
 @lru_cache(maxsize=4)
 def _tangent_gradient(coefficients):
-    Omega, F = ca.SX.sym("Omega", 6), ca.SX.sym("F", 6)
-    pulled = se3.tangent(Omega, coefficients).T @ F
-    return ca.Function("tangent_gradient", [Omega, F], [ca.jacobian(pulled, Omega)])
+    """The coefficients enter as symbols with known slopes dc_k/dx, so that their sums are formed once."""
+    Omega, F, c = ca.SX.sym("Omega", 6), ca.SX.sym("F", 6), ca.SX.sym("c", 6)
+    w = Omega[:3]
+    pulled = se3.tangent(Omega, lambda x: ca.vertsplit(c)).T @ F
+    known = coefficients(ca.dot(w, w), top=7)
+    along = ca.jacobian(pulled, c) @ ca.vertcat(*stumpff.slopes(known))
+    total = ca.jacobian(pulled, Omega) + along @ ca.vertcat(2 * w, 0, 0, 0).T
+    return ca.Function("tangent_gradient", [Omega, F], [ca.substitute(total, c, ca.vertcat(*known[:6]))])
 
 
 def tangent_gradient(Omega, F, coefficients=stumpff.series):

@@ -19,24 +19,30 @@ SWITCH = 10.0  # in x: the closed forms divide rounding errors by x up to four t
 SWITCH_TERMS = 14  # below SWITCH c_0'' drops 16^2 SWITCH^14 / 32! = 1e-19 first
 
 
-def series(x, terms=TERMS):
-    """(c_0, ..., c_5) at x = t^2 [scalar], branch-free, to 1e-13 for 0 <= t <= RANGE.
+def series(x, terms=TERMS, top=5):
+    """(c_0, ..., c_top) at x = t^2 [scalar], branch-free, to 1e-13 for 0 <= t <= RANGE.
 
-    Only c_4 and c_5 are summed (Horner), the others follow by c_k = 1/k! - x c_{k+2}.
+    Only the last two are summed (Horner), the others follow by c_k = 1/k! - x c_{k+2}.
     """
-    c4, c5 = _horner(x, 4, terms), _horner(x, 5, terms)
-    c2, c3 = 1 / 2 - x * c4, 1 / 6 - x * c5
-    return 1 - x * c2, 1 - x * c3, c2, c3, c4, c5
+    c = [_horner(x, top, terms), _horner(x, top - 1, terms)]
+    for k in reversed(range(top - 1)):
+        c.append(1 / factorial(k) - x * c[-2])
+    return tuple(reversed(c))
 
 
-def switched(x):
-    """(c_0, ..., c_5) at any x = t^2 >= 0 [scalar]: the series below SWITCH, sines and cosines above.
+def slopes(c):
+    """(dc_0/dx, ..., dc_{n-2}/dx) from (c_0, ..., c_n)."""
+    return tuple(-(c[k + 1] - k * c[k + 2]) / 2 for k in range(len(c) - 2))
+
+
+def switched(x, top=5):
+    """(c_0, ..., c_top) at any x = t^2 >= 0 [scalar]: the series below SWITCH, sines and cosines above.
 
     Each branch sees its own safe argument, so that the branch not taken stays finite, derivatives included.
     """
     near = x < SWITCH
-    small = series(ca.if_else(near, x, SWITCH), SWITCH_TERMS)
-    large = _closed(ca.if_else(near, SWITCH, x))
+    small = series(ca.if_else(near, x, SWITCH), SWITCH_TERMS, top)
+    large = _closed(ca.if_else(near, SWITCH, x), top)
     return tuple(ca.if_else(near, a, b) for a, b in zip(small, large, strict=True))
 
 
@@ -48,9 +54,10 @@ def _horner(x, k, terms):
     return value
 
 
-def _closed(x):
-    """(c_0, ..., c_5) from sine and cosine, for x well above zero."""
+def _closed(x, top):
+    """(c_0, ..., c_top) from sine and cosine, for x well above zero."""
     t = ca.sqrt(x)
-    c0, c1 = ca.cos(t), ca.sin(t) / t
-    c2, c3 = (1 - c0) / x, (1 - c1) / x
-    return c0, c1, c2, c3, (1 / 2 - c2) / x, (1 / 6 - c3) / x
+    c = [ca.cos(t), ca.sin(t) / t]
+    for k in range(top - 1):
+        c.append((1 / factorial(k) - c[k]) / x)
+    return tuple(c)

@@ -8,8 +8,9 @@ secs. 106 and 109. Chamber holes lower Jt by their polar moment about the axis (
 estimate elsewhere); the key `torsion_constant` overrides it.
 """
 
+import copy
 from dataclasses import fields, is_dataclass, replace
-from math import pi, tanh
+from math import pi
 from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
@@ -50,19 +51,22 @@ class Hole:
 def _less_holes(whole, holes, torsion_constant):
     """Moments of a centred shape minus its holes (parallel-axis theorem)."""
     A, Sy, Sz, Jy, Jz, Jyz, Jt = whole
+    cut_y, cut_z, cut_yz = [], [], []
     for hole in holes:
         y, z = hole.offset
         a, j = pi * hole.radius**2, pi * hole.radius**4 / 4
-        A, Sy, Sz = A - a, Sy - a * z, Sz - a * y
-        Jy, Jz, Jyz = Jy - j - a * z**2, Jz - j - a * y**2, Jyz - a * y * z
+        A, Jy, Jz = A - a, Jy - j - a * z**2, Jz - j - a * y**2
         Jt = Jt - 2 * j - a * (y**2 + z**2)
-    Sy, Sz, Jyz = _unless_rounding(Sy, A**1.5), _unless_rounding(Sz, A**1.5), _unless_rounding(Jyz, A**2)
+        cut_y, cut_z, cut_yz = [*cut_y, a * z], [*cut_z, a * y], [*cut_yz, a * y * z]
+    Sy, Sz, Jyz = Sy - _sum(cut_y), Sz - _sum(cut_z), Jyz - _sum(cut_yz)
     return Moments(A, Sy, Sz, Jy, Jz, Jyz, Jt if torsion_constant is None else torsion_constant)
 
 
-def _unless_rounding(value, scale):
-    """0 for what symmetric holes leave by rounding, so that a centred section is known to be centred."""
-    return 0 if isinstance(value, (int, float)) and abs(value) < 1e-12 * scale else value
+def _sum(terms):
+    """Sum of terms; 0 for what symmetric holes leave by rounding, so that a centred section is known to be centred."""
+    total = sum(terms)
+    numbers = not any(map(_symbolic, terms))
+    return 0 if numbers and abs(total) <= 1e-12 * sum(map(abs, terms)) else total
 
 
 def _refuse_holes_outside(holes, inside, what):
@@ -125,8 +129,8 @@ class Annulus:
 
 def rectangle_torsion(width, height, terms=40):
     """Jt [m^4] of a full rectangle; the series falls as (2 i + 1)^-5, so that 40 terms leave less than 1e-9."""
-    a, b = max(width, height), min(width, height)
-    series = sum(tanh((2 * i + 1) * pi * a / (2 * b)) / (2 * i + 1) ** 5 for i in range(terms))
+    a, b = ca.fmax(width, height), ca.fmin(width, height)
+    series = sum(ca.tanh((2 * i + 1) * pi * a / (2 * b)) / (2 * i + 1) ** 5 for i in range(terms))
     return a * b**3 * (1 / 3 - 64 / pi**5 * b / a * series)
 
 
@@ -261,12 +265,20 @@ def _same_kind(a, b, key):
         raise Bad(key, f"a {type(b).__name__.lower()} cannot follow a {type(a).__name__.lower()}; use one kind")
     if len(getattr(a, "holes", ())) != len(getattr(b, "holes", ())):
         raise Bad(key, "both ends need the same number of holes")
+    if (getattr(a, "torsion_constant", None) is None) != (getattr(b, "torsion_constant", None) is None):
+        raise Bad(key, "torsion_constant is given at one end only; give it at both or at neither")
 
 
 def _between(a, b, X):
     """Linear interpolation of every number of two records of one kind."""
     if is_dataclass(a):
-        return replace(a, **{f.name: _between(getattr(a, f.name), getattr(b, f.name), X) for f in fields(a)})
+        values = {f.name: _between(getattr(a, f.name), getattr(b, f.name), X) for f in fields(a)}
+        if not any(map(_symbolic, values.values())):
+            return replace(a, **values)
+        other = copy.copy(a)  # without the checks of the constructor, which need numbers
+        for name, value in values.items():
+            object.__setattr__(other, name, value)
+        return other
     if isinstance(a, tuple):
         return tuple(_between(x, y, X) for x, y in zip(a, b, strict=True))
     return a if a is None else (1 - X) * a + X * b

@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from socontrol.lie import arcs, se3, stumpff
+from socontrol.lie import arcs, stumpff
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ class Piece:
             return ca.DM.eye(4), ca.DM(6, self.size)
         s, xi = x * self.length, self.strain(q)
         if self.is_screw:
-            return se3.exp(s * xi, self.coefficients()), self.Phi
-        g, T = se3.exp_and_tangent(s * xi, self.coefficients())
+            return arcs.exp_and_tangent(s * xi, self.coefficients())[0], self.Phi
+        g, T = arcs.exp_and_tangent(s * xi, self.coefficients())
         return g, s * (T @ self.Phi)
 
     def wrench_gradient(self, q, x, F):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from socontrol.mechanics.loads import Wrench, is_zero
 from socontrol.programs.result import Status
 from socontrol.programs.scaling import scales
 
@@ -30,7 +31,8 @@ class Balance:
     """A robot's statics Function behind buffers, with its scales; solves for q at any (u, p)."""
 
     def __init__(self, robot, parameters=(), scaling=None):
-        self.robot = robot
+        self.robot, self.parameters = robot, tuple(parameters)
+        self.conservative = all(load.conservative for load in robot.loads)
         functions = robot.functions(parameters)
         self.defaults = functions.defaults
         self.function = functions.statics.function
@@ -117,6 +119,17 @@ class Balance:
                 if step < SMALLEST_STEP:
                     break
         return q, count, t >= 1.0
+
+
+def load_parameters(robot):
+    """Paths of the point loads' forces and moments that are not zero."""
+    return [
+        f"loads.{name}.{key}"
+        for name, load in (robot.description.loads or {}).items()
+        if isinstance(load, Wrench)
+        for key in ("force", "moment")
+        if not is_zero(getattr(load, key))
+    ]
 
 
 def _direction(K, r):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from socontrol.programs.answer import Look
-from socontrol.programs.balance import Balance
+from socontrol.programs.balance import Balance, load_parameters
 from socontrol.programs.costs import Cost
 from socontrol.programs.goals import Goal, Path
 from socontrol.programs.posture import Posture
@@ -79,8 +79,9 @@ class InverseSolver:
         goals = dict(question.goals)
         if self.path:
             goals[self.path[0]] = self.path[1].stop(self.path[1].waypoints()[0])
-        self.balance = Balance(question.loaded)
-        self.posture = Posture(question, goals, self.balance.scales)
+        robot = question.loaded
+        self.balance = Balance(robot, load_parameters(robot))
+        self.posture = Posture(question, goals, self.balance)
         self.look = Look(question, self.balance)
         self._rest = None
 

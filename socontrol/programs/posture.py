@@ -12,11 +12,9 @@ import casadi as ca
 import numpy as np
 
 from socontrol.mechanics.kinematics import Kinematics
-from socontrol.mechanics.loads import Wrench, is_zero
 from socontrol.mechanics.statics import Statics
 from socontrol.programs.costs import Effort
 from socontrol.programs.program import Program
-from socontrol.programs.scaling import scales
 from socontrol.programs.solver import NLP
 from socontrol.quantities import Bad
 
@@ -24,10 +22,9 @@ from socontrol.quantities import Bad
 class Posture:
     """Expressions and programs of one question; `goals` {name: record} without paths."""
 
-    def __init__(self, question, goals, balance_scales=None):
-        self.question, self.goals, self.robot = question, goals, question.loaded
-        self.scales = balance_scales or scales(self.robot)
-        self.load_values = load_parameters(self.robot)
+    def __init__(self, question, goals, balance):
+        self.question, self.goals, self.robot, self.balance = question, goals, question.loaded, balance
+        self.scales = balance.scales
         self.prescribed = question.named("coordinates", question.coordinates)
         self.given = question.named("inputs", question.inputs)
 
@@ -65,17 +62,16 @@ class Posture:
         program = Program(ca.SX.sym)
         q = program.variable("q", robot.n, scale=s.q, lower=limits["q"][0], upper=limits["q"][1])
         u = program.variable("u", robot.m, scale=s.u, lower=limits["u"][0], upper=limits["u"][1])
-        loads = {path: program.parameter(f"load.{path}", value) for path, value in self.load_values.items()}
-        bodied = robot.with_values({path: tuple(ca.vertsplit(x)) for path, x in loads.items()})
-        terms = _Terms(bodied, q, u, s, program)
+        loads = [program.parameter(path, robot.value(path)) for path in self.balance.parameters]
+        terms = _Terms(self.balance, q, u, ca.vertcat(*loads), program)
         slack = np.where(self.free, 0.0, np.inf)
         program.constrain(
-            "equilibrium", terms.statics.residual(), lower=-slack, upper=slack, scale=s.force, unit="scaled",
+            "equilibrium", terms.residual, lower=-slack, upper=slack, scale=s.force, unit="scaled",
             tangent={"q": terms.tangent, "u": -terms.actuation}, curvature=terms.curvature,
         )  # fmt: skip
         for name, goal in self.goals.items():
             target = program.parameter(f"target.{name}", goal.numbers())
-            miss, scale = _miss(name, goal, bodied, terms.statics.kin, target), np.array(goal.scales(robot.length))
+            miss, scale = _miss(name, goal, robot, terms.kin, target), np.array(goal.scales(robot.length))
             if nearest or goal.weight is not None:
                 weight = 1.0 if goal.weight is None else goal.weight
                 program.minimize((100.0 if nearest else 1.0) * weight * ca.sumsqr(miss / ca.DM(scale)) / 2)
@@ -99,19 +95,22 @@ class Posture:
 class _Terms:
     """The expressions costs and constraints are made of (also what `costs` calls a posture)."""
 
-    def __init__(self, robot, q, u, s, program):
-        self.robot, self.q, self.u = robot, q, u
-        self.q_scale, self.u_scale, self.energy_scale = s.q, s.u, s.energy
-        self.statics = Statics(robot, q, u)
-        self.tangent, self.actuation = self.statics.tangent(), self.statics.actuation()
-        self._hat, self._conservative = program.variables["q"].symbol, all(x.conservative for x in robot.loads)
+    def __init__(self, balance, q, u, loads, program):
+        self.robot, self.q, self.u = balance.robot, q, u
+        self.q_scale, self.u_scale, self.energy_scale = balance.scales.q, balance.scales.u, balance.scales.energy
+        self.statics = Statics(balance.robot, q, u)
+        self.kin = self.statics.kin
+        arguments = (q, u, loads)[: balance.function.n_in()]
+        self.residual, self.tangent, self.actuation = balance.function(*arguments)
+        self._hat = program.variables["q"].symbol
+        self._conservative = balance.conservative and self.statics.conservative_actuation
 
     def elastic_energy(self):
         return self.statics.elastic_energy()
 
     def curvature(self, lam):
         """Blocks of sum_i lam_i d2 r_i for (q, q) and (q, u)."""
-        if self._conservative and self.statics.conservative_actuation:
+        if self._conservative:
             along = ca.jtimes(ca.vec(self.tangent), self._hat, lam / ca.DM(self.q_scale))
             qq = ca.reshape(along, self.tangent.shape)
         else:
@@ -124,14 +123,3 @@ def _miss(name, goal, robot, kin, target):
         return goal.miss(robot, kin, target)
     except Bad as bad:
         raise Bad(f"goals.{name}.{bad.key}", str(bad)) from None
-
-
-def load_parameters(robot):
-    """{path: value} of the point loads' forces and moments that are not zero."""
-    values = {}
-    for name, load in (robot.description.loads or {}).items():
-        if isinstance(load, Wrench):
-            for key in ("force", "moment"):
-                if not is_zero(getattr(load, key)):
-                    values[f"loads.{name}.{key}"] = np.array(getattr(load, key), dtype=float)
-    return values

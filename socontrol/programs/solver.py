@@ -47,6 +47,8 @@ class Ipopt:
             "bound_relax_factor": 0.0,  # inputs stay inside their limits to the last digit
             "nlp_scaling_method": "none",  # variables and constraints come scaled
             "mu_init": 1e-2,
+            "mumps_scaling": 0,
+            "mumps_permuting_scaling": 0,
             "sb": "yes",
             "print_level": 5,
         }

@@ -1,0 +1,221 @@
+"""Where everything of a robot stands, in numbers: frames along rods, skins around them, lines of tendons and chambers.
+
+Plain numpy: poses by Rodrigues' closed form, one a station. A skin is a list of polygons [k x 3], world, in metres.
+"""
+
+from functools import cached_property
+from math import pi
+
+import casadi as ca
+import numpy as np
+
+from socontrol.mechanics.actuators import Chord, RodLine
+from socontrol.model.rods import Rod
+from socontrol.model.sections import section_at
+from socontrol.programs.check import exponential
+
+STATIONS = 36  # along a rod
+CORNERS = 28  # of a round outline
+SLIM = 0.018  # radius of a bar that stands for a rigid link, over the robot's length
+
+
+class Posed:
+    """A robot at q: strains and base frames of its pieces, and from them any place."""
+
+    def __init__(self, robot, q):
+        self.robot, self.q, self.pieces = robot, np.asarray(q, dtype=float).ravel(), robot.tree.pieces
+        column = ca.DM(self.q)
+        self.strains = [np.array(ca.DM(p.strain(column))).ravel() for p in self.pieces]
+        self.bases = []
+        for piece in self.pieces:
+            at = np.eye(4) if piece.parent is None else self.pose(piece.parent, piece.place)
+            self.bases.append(at @ matrix(piece.placement))
+
+    def pose(self, i, x=1.0):
+        """World <- frame at x of piece i [4 x 4]."""
+        return self.bases[i] @ exponential(x * float(self.pieces[i].length) * self.strains[i])
+
+    def place(self, segment, X=1.0):
+        """World <- frame at X of a segment [4 x 4]."""
+        frame = self.robot.tree.locate(segment, X)
+        return self.pose(frame.piece, frame.x) @ matrix(frame.offset)
+
+    def rod(self, segment):
+        """X [k] and frames [k x 4 x 4] along a rod; section boundaries are among them."""
+        indices = self.robot.tree.of[segment]
+        count = max(3, -(-STATIONS // len(indices)))
+        bounds, X, frames = self.robot.tree.segments[segment].boundaries(), [], []
+        for k, i in enumerate(indices):
+            for x in np.linspace(0, 1, count + 1)[k > 0 :]:
+                X.append(bounds[k] + x * (bounds[k + 1] - bounds[k]))
+                frames.append(self.pose(i, x))
+        return np.array(X), np.array(frames)
+
+    def end_radius(self, i, x):
+        """Half the width of the rod at x of piece i, None for a joint."""
+        if i is None or not self.pieces[i].is_rod:
+            return None
+        piece = self.pieces[i]
+        bounds = piece.record.boundaries()
+        X = bounds[piece.index] + x * (bounds[piece.index + 1] - bounds[piece.index])
+        return float(np.max(np.abs(outline(section_at(piece.record.cross_section, X)))))
+
+    @cached_property
+    def slim(self):
+        """Radius of a rigid link's bar: it also stays below the thickness of the rods."""
+        widths = [self.end_radius(i, 0.0) for i, piece in enumerate(self.pieces) if piece.is_rod]
+        return min([SLIM * self.robot.length, *(0.6 * w for w in widths)])
+
+
+def matrix(M):
+    """A numeric CasADi matrix as numpy."""
+    return np.array(ca.DM(M).full())
+
+
+def unloaded(robot):
+    """Coordinates [n] at which no rod and no joint spring stores energy; 0 where nothing says."""
+    q = np.zeros(robot.n)
+    for piece in robot.tree.pieces:
+        if piece.is_rod:
+            q[piece.columns] = (matrix(piece.Phi).T @ matrix(piece.xi_star - piece.xi_bar)).ravel()
+        elif piece.size:
+            q[piece.columns] = matrix(piece.record.rest_coordinates()).ravel()
+    return q
+
+
+def ends(robot):
+    """Names of the segments that carry nothing: the tips."""
+    carried = {segment.parent for segment in robot.tree.segments.values()}
+    return [name for name in robot.segments if name not in carried]
+
+
+def outline(section, corners=CORNERS):
+    """Outer edge of a cross-section: (y, z) [k x 2], once round, not closed."""
+    kind, *sizes = section.outline()[0]
+    if kind == "rectangle":
+        w, h = float(sizes[0]) / 2, float(sizes[1]) / 2
+        return np.array([[w, h], [-w, h], [-w, -h], [w, -h]])
+    angles = 2 * pi * (np.arange(corners) + 0.5) / corners
+    return np.column_stack([np.cos(angles), np.sin(angles)]) * np.array([float(s) for s in (sizes * 2)[:2]])
+
+
+def sweep(frames, outlines):
+    """Skin of outlines [k x j x 2] carried along frames [k x 4 x 4], closed at both ends."""
+    rings = np.stack([g[:3, 3] + o @ g[:3, 1:3].T for g, o in zip(frames, outlines, strict=True)])
+    here, there = rings[:-1], rings[1:]
+    sides = np.stack([here, np.roll(here, -1, 1), np.roll(there, -1, 1), there], 2).reshape(-1, 4, 3)
+    return [*sides, rings[0][::-1], rings[-1]]
+
+
+def bar(a, b, *radii):
+    """Skin of a round bar from a to b [3]; several radii are spread along it."""
+    along = (b - a) / np.linalg.norm(b - a)
+    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    across /= np.linalg.norm(across)
+    frames = np.tile(np.eye(4), (max(2, len(radii)), 1, 1))
+    frames[:, :3, :3] = np.column_stack([along, across, np.cross(along, across)])
+    frames[:, :3, 3] = a + np.linspace(0, 1, len(frames))[:, None] * (b - a)
+    radii = radii if len(radii) > 1 else radii * 2
+    angles = 2 * pi * np.arange(CORNERS) / CORNERS
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    return sweep(frames, [r * ring for r in radii])
+
+
+def ball(centre, radius):
+    """Skin of a sphere."""
+    heights = np.linspace(0, pi, 11)
+    axis = np.array([0.0, 0.0, 1.0]) * radius
+    rings = [bar(centre - np.cos(a) * axis, centre - np.cos(b) * axis,
+                 radius * max(np.sin(a), 1e-6), radius * max(np.sin(b), 1e-6))[:-2]
+             for a, b in zip(heights, heights[1:], strict=False)]  # fmt: skip
+    return [polygon for ring in rings for polygon in ring]
+
+
+def rod_skin(posed, segment):
+    """Skin of a rod, its outline swept and tapered."""
+    X, frames = posed.rod(segment)
+    profile = posed.robot.tree.segments[segment].cross_section
+    return sweep(frames, [outline(section_at(profile, x)) for x in X])
+
+
+def link_skins(posed, segment):
+    """[(part, skin)] of a joint: part is `link` for what is rigid and `joint` for what turns or slides."""
+    i = posed.robot.tree.of[segment][0]
+    piece, slim = posed.pieces[i], posed.slim
+    base, moved = posed.bases[i], posed.pose(i)
+    end, parts = moved @ matrix(piece.end), []
+    carried = posed.end_radius(piece.parent, piece.place)
+    stand = np.eye(4) if piece.parent is None else posed.pose(piece.parent, piece.place)
+    radius = 0.6 * carried if carried and piece.size == 0 else slim
+    for a, b in ((stand[:3, 3], base[:3, 3]), (moved[:3, 3], end[:3, 3])):
+        offset = piece.parent is not None or a is not stand[:3, 3]
+        if np.linalg.norm(b - a) > slim / 4 and not (piece.parent is None and np.allclose(a, 0) and np.allclose(b, base[:3, 3])):
+            parts.append(("link", bar(a, b, radius if offset else slim)))
+    body = piece.record.body
+    if body is not None:
+        com = (moved @ np.array([*map(float, body.com), 1.0]))[:3]
+        span = end[:3, 3] - moved[:3, 3]
+        away = np.linalg.norm(np.cross(com - moved[:3, 3], span)) / max(np.linalg.norm(span), 1e-12)
+        if np.linalg.norm(span) < slim / 4 or away > slim:
+            if np.linalg.norm(com - moved[:3, 3]) > slim:
+                parts.append(("link", bar(moved[:3, 3], com, slim / 2)))
+            parts.append(("link", ball(com, 2 * slim)))
+    if piece.size:
+        parts.append(("joint", _joint(piece, base, moved, slim)))
+    return parts
+
+
+def _joint(piece, base, moved, slim):
+    """A drum along the axis of what turns, a sleeve along what slides, a ball for several axes."""
+    Phi = matrix(piece.Phi).reshape(6, piece.size)
+    centre = moved[:3, 3]
+    angular, linear = Phi[:3], Phi[3:]
+    if piece.size == 1 and np.linalg.norm(angular) > 0:
+        axis, centre = angular[:, 0], (base @ np.array([*np.cross(angular[:, 0], linear[:, 0]), 1.0]))[:3]
+    elif np.linalg.matrix_rank(Phi[:3]) <= 1 and piece.size <= 2:
+        axis, centre = linear[:, -1], base[:3, 3]
+    else:
+        return ball(centre, 1.9 * slim)
+    half = base[:3, :3] @ axis * 1.8 * slim / np.linalg.norm(axis)
+    return bar(centre - half, centre + half, 1.7 * slim)
+
+
+def cables(posed, index):
+    """[(points [k x 3], outward [k x 3], is_chamber)] of the lines of one input; outward: away from the centreline."""
+    runs, joined = [], None
+    for share in posed.robot.lines[index]:
+        if isinstance(share, RodLine):
+            points, outward = _along(posed, share)
+        elif isinstance(share, Chord):
+            points = np.array([(posed.bases[share.piece] @ [*matrix(share.start).ravel(), 1.0])[:3],
+                               (posed.pose(share.piece) @ [*matrix(share.stop).ravel(), 1.0])[:3]])  # fmt: skip
+            outward = np.zeros_like(points)
+        else:
+            continue
+        if joined is not None and float(share.gain) < 0:
+            joined[0].append(points)
+            joined[1].append(outward)
+        else:
+            joined = ([points], [outward])
+            runs.append((joined, float(share.gain) > 0))
+    return [(np.concatenate(p), np.concatenate(o), chamber) for (p, o), chamber in runs]
+
+
+def _along(posed, share):
+    x = np.linspace(*share.part, 9)
+    first, last = (matrix(d).ravel() for d in share.ends)
+    offsets = (1 - x)[:, None] * first + x[:, None] * last
+    frames = np.array([posed.pose(share.piece, float(k)) for k in x])
+    outward = np.einsum("kij,kj->ki", frames[:, :3, :3], offsets)
+    return frames[:, :3, 3] + outward, outward
+
+
+def strain_rows(robot, q):
+    """[(rod, s [k + 1], strains [k x 6])]: section boundaries [m] and xi - xi_bar of each section of each rod."""
+    posed, rows = Posed(robot, q), []
+    straight = np.array([0, 0, 0, 1.0, 0, 0])
+    for name, segment in robot.tree.segments.items():
+        if isinstance(segment, Rod):
+            bounds = np.array(segment.boundaries()) * float(segment.length)
+            rows.append((name, bounds, np.array([posed.strains[i] - straight for i in robot.tree.of[name]])))
+    return rows
