@@ -1,8 +1,9 @@
 """Records that a file can fill, the families they form, and the sentences about what does not fit.
 
-A record is a frozen dataclass whose fields are annotated; `OneOf` chooses one of a family by its `type`, `Either`
-one of several forms by the shape of what is given. Only the standard library is imported here: pydantic is loaded
-by the first file that is read. Records built from Python are not checked, so that a field can hold a symbolic value.
+A record is a frozen dataclass whose fields are annotated; `OneOf` chooses one of a family by its `type`,
+`Either` one of several forms by the shape of what is given. Only the standard library is imported here:
+pydantic is loaded by the first file that is read. Records built from Python are not checked, so that a field
+can hold a symbolic value.
 """
 
 import dataclasses

@@ -1,8 +1,8 @@
 """Small robots of every kind, and `Plain`: the same robots in numpy alone, to check the library against.
 
-`Plain` reads the records and nothing else of the library. Exponentials are scaled and squared power series, areas
-are sums over fibres, lines are polygons, and derivatives come from complex steps, f'(q) = Im f(q + i h) / h with
-h = 1e-30 (W. Squire, G. Trapp, SIAM Review 40(1), 1998), so that they are good to rounding.
+`Plain` reads the records and nothing else of the library. Exponentials are scaled and squared power series,
+areas are sums over fibres, lines are polygons, and derivatives come from complex steps,
+f'(q) = Im f(q + i h) / h with h = 1e-30 (W. Squire, G. Trapp, SIAM Review 40(1), 1998), good to rounding.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ from socontrol.model.sections import (
 )
 
 STEP = 1e-30  # of complex steps: its square vanishes beside 1
-POINTS = 14  # Gauss points a section, not the number the library uses
+POINTS = 10  # Gauss points a section, not the number the library uses
 NAMES = ["twist", "bend_y", "bend_z", "stretch", "shear_y", "shear_z"]
 ROWS = {  # columns of each distributed row, from the table of the paper (F. Renda, L. Seneviratne, ICRA 2018)
     "linear_spring": [3],
@@ -106,7 +106,9 @@ def lumped_robots():
         "prismatic": Prismatic(axis=axis, stiffness=30.0, rest=0.02, **common),
         "helical": Helical(axis=axis, point=point, pitch=0.05, stiffness=0.4, **common),
         "cylindrical": Cylindrical(axis=axis, point=point, stiffness=spring(2), damping=0.1, **common),
-        "planar": Planar(axis=axis, point=point, stiffness=(0.4, 20.0, 30.0), rest=(0.1, 0.02, 0.0), **common),
+        "planar": Planar(
+            axis=axis, point=point, stiffness=(0.4, 20.0, 30.0), rest=(0.1, 0.02, 0.0), **common
+        ),
         "spherical": Spherical(point=point, stiffness=spring(3), damping=(0.1, 0.2, 0.3), **common),
         "free": Free(stiffness=spring(6), damping=spring(6), **common),
     }
@@ -150,12 +152,16 @@ def threaded():
     return Description(
         segments={
             "lower": rod(strains="simo_reissner"),
-            "hinge": Revolute(axis=(0, 0, 1.0), parent="lower", stiffness=0.2, tip=Placement(position=(0.03, 0, 0))),
+            "hinge": Revolute(
+                axis=(0, 0, 1.0), parent="lower", stiffness=0.2, tip=Placement(position=(0.03, 0, 0))
+            ),
             "upper": rod(parent="hinge", sections=1, length=0.15),
         },
         actuators={
             "far": Tendon(along=chain, offset=Converging(start=(0.008, 0.002), end=(-0.003, 0.005))),
-            "part": Tendon(along=chain, offset=Converging(start=(0.0, 0.008), end=(0.006, 0.0)), from_=0.1, to=0.8),
+            "part": Tendon(
+                along=chain, offset=Converging(start=(0.0, 0.008), end=(0.006, 0.0)), from_=0.1, to=0.8
+            ),
             "short": Tendon(along=("upper",), offset=(0.004, 0.004), to=0.7),
             "hinge": JointTorque(joint="hinge"),
         },
@@ -169,7 +175,9 @@ def chambers():
         actuators={
             "tangent": Chamber(along=("rod",), offset=pair, area=2e-5),
             "normal": Chamber(along=("rod",), offset=(-0.004, 0.005), area=2e-5, direction="normal"),
-            "cone": Chamber(along=("rod",), offset=Converging(start=(0.008, 0.0), end=(0.002, 0.001)), area=2e-5),
+            "cone": Chamber(
+                along=("rod",), offset=Converging(start=(0.008, 0.0), end=(0.002, 0.001)), area=2e-5
+            ),
         },
     )
 
@@ -199,7 +207,9 @@ def two_roots():
     return Description(
         segments={
             "left": rod(sections=1),
-            "right": rod(sections=1, strains=("bend_z", "shear_y"), placement=Placement(position=(0, 0.1, 0))),
+            "right": rod(
+                sections=1, strains=("bend_z", "shear_y"), placement=Placement(position=(0, 0.1, 0))
+            ),
             "knob": Revolute(axis=(0, 1.0, 0), parent="right", body=BODY),
         },
         gravity=(1.0, -2.0, 9.0),
@@ -209,23 +219,37 @@ def two_roots():
 def stiffening(eps, section):
     """A strain energy [J/m] that couples twist, bending and stretch."""
     bend = eps[0] ** 2 + eps[1] ** 2 + 2 * eps[2] ** 2
-    return 0.004 * bend + 1e-6 * bend**2 + 60 * eps[3] ** 2 * (1 + 0.01 * bend) + 20 * eps[4] ** 2 + 30 * eps[5] ** 2
+    return (
+        0.004 * bend
+        + 1e-6 * bend**2
+        + 60 * eps[3] ** 2 * (1 + 0.01 * bend)
+        + 20 * eps[4] ** 2
+        + 30 * eps[5] ** 2
+    )
 
 
 def special_rods():
     taper = Taper(start=Circle(radius=0.012), end=Circle(radius=0.005))
-    trio = tuple(Hole(offset=(0.007 * np.cos(a), 0.007 * np.sin(a)), radius=0.002) for a in 2 * pi / 3 * np.arange(3))
+    trio = tuple(
+        Hole(offset=(0.007 * np.cos(a), 0.007 * np.sin(a)), radius=0.002) for a in 2 * pi / 3 * np.arange(3)
+    )
     elastic = dict(young_modulus=4e5, shear_modulus=1.5e5, density=1080.0)
-    numbers = General(stiffness=(0.01, 0.02, 0.03, 90.0, 40.0, 50.0), inertia=(1e-5, 2e-5, 3e-5, 0.3, 0.3, 0.3))
+    numbers = General(
+        stiffness=(0.01, 0.02, 0.03, 90.0, 40.0, 50.0), inertia=(1e-5, 2e-5, 3e-5, 0.3, 0.3, 0.3)
+    )
     simo = dict(strains="simo_reissner")
     return {
         "taper": cable_rod(cross_section=taper, **simo),
         "table": cable_rod(cross_section=TABLE, sections=2, **simo),
-        "centred_holes": cable_rod(cross_section=Annulus(inner_radius=0.003, radius=0.012, holes=trio), **simo),
+        "centred_holes": cable_rod(
+            cross_section=Annulus(inner_radius=0.003, radius=0.012, holes=trio), **simo
+        ),
         "off_centre_hole": cable_rod(cross_section=TUBE, **simo),
         "general": cable_rod(cross_section=numbers, **simo),
         "pre_curved": cable_rod(rest={"bend_z": (3.0, -1.0), "twist": 1.5, "stretch": 0.02}),
-        "pre_curved_locked": cable_rod(strains=("bend_y",), rest={"bend_z": 4.0, "bend_y": 2.0, "shear_z": 0.05}),
+        "pre_curved_locked": cable_rod(
+            strains=("bend_y",), rest={"bend_z": 4.0, "bend_y": 2.0, "shear_z": 0.05}
+        ),
         "polynomial": cable_rod(
             material=Polynomial(bend=(3.0, 40.0), stretch=(0.5, -0.2), coupling=-0.7, **elastic), **simo
         ),
@@ -276,7 +300,11 @@ class Case:
     def _numbers(self):
         rng = np.random.default_rng(sum(map(ord, self.name)))
         n = self.plain.n
-        return self.plain.scales * rng.uniform(-1, 1, n), rng.normal(size=n), rng.uniform(0.2, 1.0, self.robot.m)
+        return (
+            self.plain.scales * rng.uniform(-1, 1, n),
+            rng.normal(size=n),
+            rng.uniform(0.2, 1.0, self.robot.m),
+        )
 
     @property
     def q(self):
@@ -376,7 +404,7 @@ def slopes(function, q):
 
 
 def fibres(section):
-    """(y, z, dA) of fibres whose sums integrate polynomials of degree 3 over a slice; holes count negative."""
+    """(y, z, dA) of fibres whose sums integrate cubic polynomials over a slice; holes count negative."""
     if isinstance(section, Rectangle):
         y, wy = gauss(-section.width / 2, section.width / 2, 4)
         z, wz = gauss(-section.height / 2, section.height / 2, 4)
@@ -438,7 +466,11 @@ def energy_density(material, section, eps):
     if isinstance(material, Polynomial):
         bend = bend * (1 + material.coupling * eps[..., 3] + series(material.bend, size))
         return bend + stretch * (1 + series(material.stretch, eps[..., 3])) + shear
-    return limited(bend, size, material.bend_limit) + limited(stretch, eps[..., 3] ** 2, material.stretch_limit) + shear
+    return (
+        limited(bend, size, material.bend_limit)
+        + limited(stretch, eps[..., 3] ** 2, material.stretch_limit)
+        + shear
+    )
 
 
 def warping(section, polar):
@@ -473,7 +505,9 @@ class Plain:
     def _scales(self, s):
         """Size of each coordinate in a bent shape, by section."""
         if isinstance(s, Rod):
-            sizes = [[1.2 / part / s.length if i < 3 else 0.1 for i in active(s)] for part in np.diff(bounds(s))]
+            sizes = [
+                [1.2 / part / s.length if i < 3 else 0.1 for i in active(s)] for part in np.diff(bounds(s))
+            ]
             return sizes
         return [[1.0 if unit == "rad" else 0.1 for unit, _ in s.units]]
 
@@ -496,8 +530,7 @@ class Plain:
         return xi
 
     def stations(self, q):
-        """{segment: frames [... 4 x 4]}: the base of each section and the end of a rod; base, moving and end frame
-        of a joint."""
+        """{segment: [... 4 x 4]}: each section's base and the end of a rod; base, moving, end of a joint."""
         q, out = np.asarray(q), {}
         for name, s in self.segments.items():
             stand = np.eye(4) if s.parent == "world" else self.frame(q, s.parent, s.at, out)
@@ -541,7 +574,9 @@ class Plain:
                 g = stations[name][1] @ shifted(s.body.com)
                 out.append((g, s.body.mass * np.array(self.robot.gravity), np.zeros(3), False))
         for load in (self.robot.loads or {}).values():
-            places = self._places(self.segments[load.on]) if isinstance(load, Distributed) else [(load.at, 1.0)]
+            places = (
+                self._places(self.segments[load.on]) if isinstance(load, Distributed) else [(load.at, 1.0)]
+            )
             for X, w in places:
                 g = self.frame(q, load.on, X, stations)
                 out.append((g, w * np.array(load.force), w * np.array(load.moment), load.axes == "body"))
@@ -617,7 +652,9 @@ class Plain:
                 for i in range(len(edges) - 1):
                     a, b = (first + (last - first) * edges[i : i + 2]).clip(*span)
                     if b > a:
-                        total = total + self._section_length(q, name, i, stations, offset, (first, last), (a, b), normal)
+                        total = total + self._section_length(
+                            q, name, i, stations, offset, (first, last), (a, b), normal
+                        )
             elif s.units and span[0] < last and span[1] > first:
                 begin = stations[name][0] @ point(*offset(first))
                 total = total + norm((stations[name][2] @ point(*offset(last)) - begin)[..., :3])
@@ -627,7 +664,7 @@ class Plain:
         s = self.segments[name]
         return s.length if isinstance(s, Rod) else np.linalg.norm(s.tip.position)
 
-    def _section_length(self, q, name, i, stations, offset, whole, part, normal, corners=32):
+    def _section_length(self, q, name, i, stations, offset, whole, part, normal, corners=16):
         s, xi = self.segments[name], self.strain(q, name, i)
         X = part[0] + (part[1] - part[0]) * np.arange(2 * corners + 1) / (2 * corners)
         own = (X - whole[0]) / (whole[1] - whole[0]) - bounds(s)[i]
@@ -643,13 +680,17 @@ class Plain:
         return romberg(sums)
 
     def lengths(self, q):
-        """One row [...] for each line of each actuator that has lines: (gain, geometric or projected length)."""
+        """Gain times length [...] of each tendon and chamber, projected length where it pushes along e1."""
         out = []
         for a in (self.robot.actuators or {}).values():
             if isinstance(a, Tendon):
                 out.append(-self.length(q, a.along, routing(a.offset), (a.from_, a.to)))
             elif isinstance(a, Chamber):
-                offsets = a.offset if isinstance(a.offset, tuple) and isinstance(a.offset[0], tuple) else (a.offset,)
+                offsets = (
+                    a.offset
+                    if isinstance(a.offset, tuple) and isinstance(a.offset[0], tuple)
+                    else (a.offset,)
+                )
                 normal = a.direction == "normal"
                 out.append(a.area * sum(self.length(q, a.along, routing(o), normal=normal) for o in offsets))
         return out
@@ -766,4 +807,3 @@ def romberg(sums):
     for k in range(1, len(sums)):
         sums = [fine + (fine - rough) / (4**k - 1) for rough, fine in zip(sums, sums[1:], strict=False)]
     return sums[0]
-

@@ -19,8 +19,8 @@ from robots import (
     exponential,
     gap,
     hat,
-    rod,
     robot,
+    rod,
     vee,
 )
 from scipy.linalg import expm
@@ -34,7 +34,14 @@ from socontrol.model.rods import Rod
 from socontrol.model.steps import Piece, Slice
 from socontrol.model.tree import Frame
 
-SIX_POINTS = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # central differences, order 6
+SIX_POINTS = {
+    -3: -1 / 60,
+    -2: 3 / 20,
+    -1: -3 / 4,
+    1: 3 / 4,
+    2: -3 / 20,
+    3: 1 / 60,
+}  # central differences, order 6
 
 
 def places(description):
@@ -50,7 +57,9 @@ def places(description):
 def test_every_kind_of_joint_and_every_row_of_strains_has_a_robot():
     assert set(LUMPED) == set(JOINTS)
     assert set(DISTRIBUTED) == set(ROWS)
-    assert [LUMPED[kind].segments[next(iter(LUMPED[kind].segments))].__class__ for kind in JOINTS] == [*JOINTS.values()]
+    assert [LUMPED[kind].segments[next(iter(LUMPED[kind].segments))].__class__ for kind in JOINTS] == [
+        *JOINTS.values()
+    ]
 
 
 def test_exponential_of_the_oracle_is_that_of_scipy():
@@ -92,7 +101,9 @@ def test_a_boundary_between_sections_has_one_pose():
     tree = robot("simo_reissner").tree
     q = ca.DM(np.linspace(-0.5, 0.5, tree.n))
     kin = Kinematics(tree, q)
-    assert gap(kin.frame_pose(Frame(0, 1.0, ca.DM.eye(4))), kin.frame_pose(Frame(1, 0.0, ca.DM.eye(4)))) < 1e-15
+    assert (
+        gap(kin.frame_pose(Frame(0, 1.0, ca.DM.eye(4))), kin.frame_pose(Frame(1, 0.0, ca.DM.eye(4)))) < 1e-15
+    )
 
 
 def test_coordinates_are_named_segment_by_segment_and_section_by_section():
@@ -148,11 +159,13 @@ def test_velocity_changes_along_a_rod_by_the_strain_rate_less_the_bracket(case):
 # One framework for joints and rods
 
 
-def free_standing(Phi, xi_bar=(0.0,) * 6, length=1.0, slices=(Slice(0.5, 1.0, 0.5, None),)):
+def free_standing(Phi, xi_bar=(0.0,) * 6, length=1.0):
     n = np.shape(Phi)[1]
+    slices = (Slice(0.5, 1.0, 0.5, None),)  # any: a piece with slices is a rod
     return Piece(
-        segment="alone", index=0, record=None, parent=None, place=0.0, placement=ca.DM.eye(4), columns=slice(0, n),
-        Phi=ca.DM(Phi), xi_bar=ca.DM(xi_bar), xi_star=None, length=length, end=ca.DM.eye(4), slices=slices,
+        segment="alone", index=0, record=None, parent=None, place=0.0, placement=ca.DM.eye(4),
+        columns=slice(0, n), Phi=ca.DM(Phi), xi_bar=ca.DM(xi_bar), xi_star=None, length=length,
+        end=ca.DM.eye(4), slices=slices,
     )  # fmt: skip
 
 
@@ -203,14 +216,19 @@ def rested(original, shift):
     """`original` with every rod's strain written as Phi q only, its coordinates moved by `shift` [n]."""
     tree = original.tree
     zero = [replace(p, xi_bar=ca.DM(6, 1)) if p.is_rod else p for p in tree.pieces]
-    assert all(gap(p.Phi @ ca.DM(shift)[p.columns], old.xi_bar) == 0 for p, old in zip(zero, tree.pieces, strict=True))
+    assert all(
+        gap(p.Phi @ ca.DM(shift)[p.columns], old.xi_bar) == 0
+        for p, old in zip(zero, tree.pieces, strict=True)
+    )
     other = Robot(original.description)
     other.__dict__["tree"] = replace(tree, pieces=tuple(zero))
     return other
 
 
 def test_rest_strain_as_a_rest_coordinate_gives_the_same_equilibrium():
-    ours = Robot(replace(DISTRIBUTED["simo_reissner"], segments={"rod": rod(strains="simo_reissner")}, loads=None))
+    ours = Robot(
+        replace(DISTRIBUTED["simo_reissner"], segments={"rod": rod(strains="simo_reissner")}, loads=None)
+    )
     shift = np.tile([0, 0, 0, 1.0, 0, 0], 2)
     theirs, u = rested(ours, shift), np.array([0.7])
     q = equilibrium(ours, np.zeros(12), u)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from socontrol import quantities
+from socontrol import quantities, units
 from socontrol.quantities import (
     KINDS,
     Area,
@@ -262,3 +262,19 @@ def test_text_becomes_a_finite_float_or_one_sentence(text, unit):
         assert math.isfinite(Unit(unit).read(text))
     except ValueError as error:
         assert str(error)
+
+
+SYMBOL = st.tuples(st.sampled_from([" ", "*", "/", " / "]), st.sampled_from(sorted(units.SYMBOLS)),
+                   st.sampled_from(["", "^2", "^-1", "^3"]))  # fmt: skip
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(SYMBOL, min_size=1, max_size=4))
+def test_usual_symbols_mean_what_pint_says_they_mean(factors):
+    text = "".join(separator * (i > 0) + name + power for i, (separator, name, power) in enumerate(factors))
+    own = units.usual(text)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(units, "usual", lambda unit: None)
+        scale, *dimension = units.measure.__wrapped__(text)
+    assert math.isclose(own[0], scale, rel_tol=1e-12), text
+    assert list(own[1:]) == dimension, text

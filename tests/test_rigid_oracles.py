@@ -1,8 +1,8 @@
 """Trees of rigid bodies against Pinocchio: poses, body Jacobians, weights.
 
-The numbers come from Pinocchio 4.1 (and agree with a second numpy code to 1e-11); each file says how. Coordinates of
-joints with several degrees of freedom are exponential there and here; `quasi_velocity` blocks use the joint's body
-twist nu instead, eta = B nu with nu = D(q) qd, so that J_quasi D = J.
+The numbers come from Pinocchio 4.1 (and agree with a second numpy code to 1e-11); each file says how.
+Coordinates of joints with several degrees of freedom are exponential there and here; `quasi_velocity` blocks
+use the joint's body twist nu instead, eta = B nu with nu = D(q) qd, so that J_quasi D = J.
 """
 
 import json

@@ -1,8 +1,9 @@
 """Rods at rest against numbers of independent codes and of closed forms.
 
-Each reference file holds, for a cantilever under several loads, the continuous rod (spectral collocation of the
-strong form) and the constant-strain rod of N = 1, 2, 4, 8 equal sections (a numpy virtual-work code, 10 Gauss points
-a section). Forces N along a line are signed there: a cable of tension T has N = -T, a chamber N = pressure x area.
+Each reference file holds, for a cantilever under several loads, the continuous rod (spectral collocation of
+the strong form) and the constant-strain rod of N = 1, 2, 4, 8 equal sections (a numpy virtual-work code, 10
+Gauss points a section). Forces N along a line are signed there: a cable of tension T has N = -T, a chamber
+has N = pressure x area.
 """
 
 import json
@@ -39,7 +40,7 @@ FILES = [
     "tip_moment_rollup",
 ]
 EXACT = ["stiffflop", "tip_moment_rollup"]  # constant strain is the continuous answer
-SLOPES = {  # sections where the error is asymptotic, the results it holds for
+SLOPES = {  # numbers of sections whose errors are asymptotic
     "bend45_bathe_Jx_0p1406": (2, 4, 8),
     "bend45_bathe_Jx_1_6": (2, 4, 8),
     "follower_tip_force": (4, 8, 16),
@@ -73,64 +74,89 @@ def section(spec):
     return General(stiffness=stiffness, inertia=(1.0,) * 6)
 
 
-def actuator(line):
-    """The record of a line, and the input that gives the file's N by the axial force a unit of it makes."""
+def actuator(line, pulls):
+    """The record of a line."""
     ends = [
         tuple((r * np.array([np.cos(line["phase"]), np.sin(line["phase"])])).tolist())
         for r in (line["r_base"], line["r_tip"])
     ]
     offset = ends[0] if ends[0] == ends[1] else Converging(start=ends[0], end=ends[1])
-    if line["N"] <= 0 and line["mode"] == "tangent":
-        return Tendon(along=("arm",), offset=offset), -1.0
+    if pulls:
+        return Tendon(along=("arm",), offset=offset)
     direction = {"e1": "normal", "tangent": "tangent"}[line["mode"]]
-    return Chamber(along=("arm",), offset=offset, area=AREA, direction=direction), AREA
+    return Chamber(along=("arm",), offset=offset, area=AREA, direction=direction)
 
 
 def wrench(loads):
-    """The load at the tip, if any."""
+    """The load at the tip, if any, and the keys that hold its numbers."""
     if "tip_follower_wrench" in loads:
         twist = loads["tip_follower_wrench"]
-        return {"tip": Wrench(on="arm", moment=tuple(twist[:3]), force=tuple(twist[3:]), axes="body")}
+        load = Wrench(on="arm", moment=tuple(twist[:3]), force=tuple(twist[3:]), axes="body")
+        return load, ("moment", "force")
     if "tip_dead_force" in loads:
-        return {"tip": Wrench(on="arm", force=tuple(loads["tip_dead_force"]))}
+        return Wrench(on="arm", force=tuple(loads["tip_dead_force"])), ("force",)
     if "tip_dead_moment" in loads:
-        return {"tip": Wrench(on="arm", moment=tuple(loads["tip_dead_moment"]))}
-    return None
+        return Wrench(on="arm", moment=tuple(loads["tip_dead_moment"])), ("moment",)
+    return None, ()
 
 
-def solved(name, index, N):
-    """(robot, equilibrium, inputs) of one result of a file at N sections."""
-    return _solved(name, index, N, 10)
+def all_loads(name):
+    return [result["loads"] for result in oracle(name)["results"]]
 
 
-@cache
-def _solved(name, index, N, quadrature):
-    spec, loads = oracle(name)["spec"], oracle(name)["results"][index]["loads"]
+def rod(spec, N):
     g0 = np.array(spec.get("g0", np.eye(4)))
     rest = np.array(spec.get("xi_bar", [0, 0, 0, 1, 0, 0])) - [0, 0, 0, 1, 0, 0]
     rotation = Rotation.from_matrix(g0[:3, :3]).as_rotvec()
     modulus = {"shear_modulus": spec["G"]} if "G" in spec else {"poisson_ratio": spec["nu"]}
-    arm = Rod(
+    return Rod(
         length=spec["L"],
         cross_section=section(spec),
         material=Linear(young_modulus=spec["E"], density=spec.get("rho", DENSITY), **modulus),
         placement=Placement(position=tuple(g0[:3, 3].tolist()), rotation=tuple(rotation.tolist())),
         strains=ROWS[spec.get("basis")],
         sections=N,
-        quadrature=quadrature,
+        quadrature=10 if N <= 8 else 5,  # ten are what the files used; five are enough for finer sections
         rest={"bend_z": rest[2]} if rest[2] else None,
     )
-    lines = [actuator(line) for line in loads.get("actuators", [])]
-    robot = Robot(
-        Description(
-            segments={"arm": arm},
-            gravity=tuple(spec.get("gravity", (0.0, 0.0, 0.0))),
-            loads=wrench(loads),
-            actuators={f"line{i}": record for i, (record, _) in enumerate(lines)} or None,
-        )
+
+
+def robot_of(name, index, N):
+    """The robot under the loads of one result, and the inputs."""
+    spec, loads = oracle(name)["spec"], all_loads(name)[index]
+    lines = loads.get("actuators", [])
+    pulls = all(line["N"] <= 0 for loads in all_loads(name) for line in loads.get("actuators", []))
+    load, _ = wrench(loads)
+    description = Description(
+        segments={"arm": rod(spec, N)},
+        gravity=tuple(spec.get("gravity", (0.0, 0.0, 0.0))),
+        loads={"tip": load} if load else None,
+        actuators={f"line{i}": actuator(line, pulls) for i, line in enumerate(lines)} or None,
     )
-    u = np.array([line["N"] / gain for line, (_, gain) in zip(loads.get("actuators", []), lines, strict=True)])
-    return robot, Balance(robot).solve(u), u
+    return Robot(description), np.array([line["N"] / (-1.0 if pulls else AREA) for line in lines])
+
+
+@cache
+def made(name, mode, N):
+    """Solver and tip pose of a file's robot, its load left open, with all lines pushing along `mode`."""
+    index = next(i for i in range(len(all_loads(name))) if mode_of(name, i) == mode)
+    robot, _ = robot_of(name, index, N)
+    _, keys = wrench(all_loads(name)[index])
+    return Balance(robot, [f"loads.tip.{key}" for key in keys]), robot.functions().pose("arm")
+
+
+def mode_of(name, index):
+    return next((line["mode"] for line in all_loads(name)[index].get("actuators", [])), None)
+
+
+@cache
+def solved(name, index, N):
+    """(equilibrium, tip pose) of one result of a file at N sections."""
+    balance, pose = made(name, mode_of(name, index), N)
+    robot, u = robot_of(name, index, N)
+    load, keys = wrench(all_loads(name)[index])
+    answer = balance.solve(u, p=np.concatenate([getattr(load, key) for key in keys]) if keys else None)
+    return answer, array(pose(answer.q))
 
 
 def results(names=FILES, sections=("1", "2", "4", "8")):
@@ -144,7 +170,12 @@ def results(names=FILES, sections=("1", "2", "4", "8")):
     ]
 
 
-def deviations(name, robot, q):
+def cases(part, excluded=False):
+    """(file, index of the result) of files whose name holds `part`, or of the others."""
+    return [(name, i) for name, i, _ in results(SLOPES, ("8",)) if (part in name) != excluded]
+
+
+def deviations(name, q):
     """Strains [N x active] beyond the rest strain, as the files hold them."""
     rest = np.array(oracle(name)["spec"].get("xi_bar", [0, 0, 0, 1, 0, 0])) - [0, 0, 0, 1, 0, 0]
     columns = COLUMNS[oracle(name)["spec"].get("basis")]
@@ -153,9 +184,8 @@ def deviations(name, robot, q):
 
 def error_of_tip(name, index, N):
     """Distance of our tip from the continuous one."""
-    robot, answer, _ = solved(name, index, N)
     tip = np.array(oracle(name)["results"][index]["continuous"]["tip_position"])
-    return np.linalg.norm(array(robot.functions().pose("arm")(answer.q))[:3, 3] - tip)
+    return np.linalg.norm(solved(name, index, N)[1][:3, 3] - tip)
 
 
 # Constant strain at the same number of sections
@@ -163,11 +193,11 @@ def error_of_tip(name, index, N):
 
 @pytest.mark.parametrize(("name", "index", "N"), results())
 def test_strains_are_those_of_an_independent_constant_strain_code(name, index, N):
-    robot, answer, _ = solved(name, index, N)
+    answer, _ = solved(name, index, N)
     expected = np.array(oracle(name)["results"][index]["pcs"][str(N)]["q"])
     tolerance = oracle(name)["tolerance"]["pcs_same_N_rel"]
     assert answer.status.solved
-    ours = deviations(name, robot, answer.q)
+    ours = deviations(name, answer.q)
     for columns in (slice(0, 3), slice(3, 6)):  # curvatures, and numbers without a unit
         if expected[:, columns].size:
             size = np.abs(expected[:, columns]).max()
@@ -176,17 +206,17 @@ def test_strains_are_those_of_an_independent_constant_strain_code(name, index, N
 
 @pytest.mark.parametrize(("name", "index", "N"), results())
 def test_tips_are_those_of_an_independent_constant_strain_code(name, index, N):
-    robot, answer, _ = solved(name, index, N)
+    _, g = solved(name, index, N)
     spec, expected = oracle(name)["spec"], np.array(oracle(name)["results"][index]["pcs"][str(N)]["tip_pose"])
     tolerance = oracle(name)["tolerance"]["pcs_same_N_rel"]
-    g = array(robot.functions().pose("arm")(answer.q))
     np.testing.assert_allclose(g[:3, :3], expected[:3, :3], rtol=0, atol=tolerance)
     np.testing.assert_allclose(g[:3, 3], expected[:3, 3], rtol=0, atol=tolerance * spec["L"])
 
 
 @pytest.mark.parametrize(("name", "index", "N"), results(sections=("2",)))
 def test_answers_balance_on_the_independent_path_too(name, index, N):
-    robot, answer, u = solved(name, index, N)
+    robot, u = robot_of(name, index, N)
+    answer, _ = solved(name, index, N)
     r, *parts = check.residual(robot, answer.q, u)
     assert np.abs(r).max() < 1e-10 * max(np.abs(part).max(initial=0) for part in parts)
 
@@ -200,17 +230,16 @@ def test_constant_strain_is_exact_where_the_rod_bends_evenly(name, index, N):
     assert error_of_tip(name, index, N) < tolerance
 
 
-@pytest.mark.parametrize(("name", "index"), [(name, i) for name, i, _ in results(SLOPES, ("8",)) if name != "octopus_arm"])
+@pytest.mark.parametrize(("name", "index"), cases("octopus_arm", excluded=True))
 def test_the_continuous_rod_is_approached_at_second_order(name, index):
     N = SLOPES[name]
     errors = [error_of_tip(name, index, n) for n in N]
     slope = -np.polyfit(np.log(N), np.log(errors), 1)[0]
     assert 1.8 < slope < 2.2
-    extrapolated = errors[-1] / errors[-2]
-    assert 0.2 < extrapolated < 0.3
+    assert errors[-1] < errors[-2] / 3.6
 
 
-@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize("index", [0, 1])  # the third load curls it up more than so few sections can follow
 def test_the_tapered_arm_approaches_the_continuous_one_at_second_order_late(index):
     """Its thin end curls up, so that eight sections are still a coarse view of it."""
     errors = [error_of_tip("octopus_arm", index, n) for n in (8, 16, 32)]
@@ -230,19 +259,17 @@ def test_errors_against_the_continuous_rod_are_those_of_the_file(name, index, N)
 def test_the_elastica_of_elliptic_integrals_is_approached_by_extrapolation(index):
     result = oracle("tip_dead_load_inextensible")["results"][index]
     exact = result["elastica_elliptic_integrals"]
-    tips = []
-    for N in (4, 8, 16):
-        robot, answer, _ = solved("tip_dead_load_inextensible", index, N)
-        tips.append(array(robot.functions().pose("arm")(answer.q))[:3, 3])
+    tips = [solved("tip_dead_load_inextensible", index, N)[1][:3, 3] for N in (4, 8, 16)]
     once = [b + (b - a) / 3 for a, b in zip(tips, tips[1:], strict=False)]
     tip = once[1] + (once[1] - once[0]) / 15
     np.testing.assert_allclose(tip, [exact["x_over_L"], 0, -exact["deflection_over_L"]], rtol=0, atol=2e-4)
 
 
-@pytest.mark.parametrize(("name", "index"), [(name, i) for name, i, _ in results(SLOPES, ("8",)) if "bend45" in name])
+@pytest.mark.parametrize(("name", "index"), cases("bend45"))
 def test_internal_force_and_moment_at_the_base_carry_the_load(name, index):
-    """The world force of the continuous rod's base section holds for any number of sections; its moment nearly."""
-    robot, answer, u = solved(name, index, 8)
+    """The force holds for any number of sections; the moment as nearly as the tip stands where it should."""
+    robot, u = robot_of(name, index, 8)
+    answer, _ = solved(name, index, 8)
     continuous = oracle(name)["results"][index]["continuous"]
     F = array(robot.functions().internal_wrench("arm", 0.0)(answer.q, u))
     force, moment = (np.array(continuous[f"base_total_internal_{key}_world"]) for key in ("force", "moment"))
@@ -293,13 +320,22 @@ def test_a_straight_chamber_bends_an_arm_the_other_way():
     np.testing.assert_allclose(1 + q[3], 1.00578745, rtol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("sections", "y"), [(1, 0.04338658), (2, 0.05368724), (4, 0.05620269), (8, 0.05682741), (16, 0.05698295)]
-)
-def test_a_dead_load_bends_an_arm_toward_the_elastica(sections, y):
+@pytest.mark.parametrize("sections", [1, 2, 4, 8, 16])
+def test_a_dead_load_bends_an_arm_as_the_least_energy_of_plane_arcs(sections):
     robot = arm(("bend_z",), sections=sections, loads={"tip": Wrench(on="arm", force=(0.0, 0.01, 0.0))})
-    _, g = pose_at_rest(robot)
-    np.testing.assert_allclose(g[1, 3], y, rtol=0, atol=1e-8)
+    q, g = pose_at_rest(robot)
+    J, h = np.pi * 0.01**4 / 4, 0.25 / sections
+
+    def height(kappa):
+        """Tip of arcs of curvature kappa, one after the other."""
+        turn = np.concatenate([[0], np.cumsum(kappa * h)])
+        return ((np.cos(turn[:-1]) - np.cos(turn[1:])) / kappa).sum()
+
+    lift = [np.imag(height(q + 1e-30j * e)) / 1e-30 for e in np.eye(sections)]
+    np.testing.assert_allclose(110e3 * J * h * q, 0.01 * np.array(lift), rtol=1e-10)
+    np.testing.assert_allclose(g[1, 3], height(q), rtol=1e-12)
+    heights = {1: 0.0433865758, 2: 0.0536872343, 4: 0.0562027157, 8: 0.0568274567, 16: 0.0569833792}
+    np.testing.assert_allclose(g[1, 3], heights[sections], rtol=0, atol=1e-10)
 
 
 def test_distance_to_the_elastica_falls_at_second_order():

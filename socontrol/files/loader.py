@@ -15,6 +15,7 @@ from socontrol.files.yaml_reader import (  # noqa: F401  readers and writers of 
     FileError,
     UnreadableFile,
     dotted,
+    keys_in,
     parse,
     read_yaml,
     value_at,
@@ -72,7 +73,8 @@ def mistake(annotation, data, error):
         return path, unknown_key(path[-1], parent, value_at(data, path[:-1]))
     if kind in ("value_error", "assertion_error"):
         reason = error["ctx"]["error"]
-        return (*path, reason.key) if isinstance(reason, Bad) else path, str(reason)
+        inner = keys_in(value_at(data, path), reason.key) if isinstance(reason, Bad) else ()
+        return (*path, *inner), str(reason)
     if kind == "literal_error":
         names = typing.get_args(parts(formed(own, given))[0])
         return path, f"{show(given)} is not known here{nearest(given, names)}"

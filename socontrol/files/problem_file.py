@@ -4,95 +4,170 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from socontrol.files.loader import Document, FileError, UnreadableFile, override, read_yaml, validate
-from socontrol.files.robot_file import load_robot, robot_of
+from socontrol.files.expectations import check_expectations
+from socontrol.files.loader import Document, FileError, UnreadableFile, keys_in, override, read_yaml, validate
+from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
 from socontrol.programs.questions import QUESTIONS
+from socontrol.programs.singular import unheld
 from socontrol.programs.solver import Ipopt, Solver
-from socontrol.quantities import joined, nearest, show
+from socontrol.programs.statics import Statics
+from socontrol.quantities import Bad, joined, nearest, show
 
 LATER = {  # problem types of the file format that this version does not answer
     "simulation": "the robot's motion in time",
     "trajectory": "planned motions",
     "tensions": "optimised tendon tensions",
 }
+REFERENCES = ("robot", "solver")  # keys that may hold the path of a file instead of a mapping
 
 
 def load_problem(path, overrides=()):
     """Question of a YAML file; `overrides`: texts `a.b=VALUE`. Raises UnreadableFile or FileError."""
-    document = read_yaml(path)
-    for text in overrides:
-        document = override(document, text)
-    return problem_of(document, Path(path).stem, Path(path).parent)
+    return question_of(read_problem(path, overrides))
 
 
 def problem(mapping, folder="."):
     """Question of a mapping with the keys of a problem file; paths in it are relative to `folder`."""
-    return problem_of(Document(mapping), "problem", Path(folder))
+    return question_of(inlined(Document({"name": "problem", **mapping}), Path(folder)))
 
 
-def problem_of(document, name, folder):
-    data = document.data
-    cls = _kind(document)
+def read_problem(path, overrides=()):
+    """Document of a problem file with its robot and solver inline and overrides applied, but not yet checked.
+
+    An override may reach into the robot (`robot.segments.arm.length=60 mm`) or name another file (`robot=...`).
+    """
+    return resolved(read_yaml(path), path, overrides)
+
+
+def resolved(document, path, overrides=()):
+    """The document read from `path` with a name, its robot and solver inline, and overrides applied."""
+    document = named(document, Path(path).stem)
+    whole = [text for text in overrides if text.partition("=")[0].strip() in REFERENCES]
+    for text in whole:
+        document = override(document, text)
+    document = inlined(document, Path(path).parent)
+    for text in overrides:
+        document = override(document, text) if text not in whole else document
+    return document
+
+
+def named(document, name):
+    """The document with a name, the file's own if it has one."""
+    return replace(document, data={"name": name, **document.data})
+
+
+def inlined(document, folder):
+    """The document with the files its robot and solver stand in, in their place."""
+    for key in REFERENCES:
+        given = document.data.get(key)
+        if isinstance(given, str):
+            document = document.grafted(key, _referred(document, key, given, folder))
+    return document
+
+
+def question_of(document):
+    """Question of a document without references; raises FileError."""
+    data, cls = document.data, _kind(document)
     filled = {key: value for key, value in data.items() if key != "type"}
-    filled.setdefault("name", name)
-    filled["robot"] = _robot(document, folder)
-    filled["solver"] = _solver(document, folder)
-    return validate(cls, filled, document)
+    errors = []
+    for key, read in (("robot", _robot), ("solver", _solver)):
+        try:
+            filled[key] = read(document)
+        except FileError as error:
+            errors.append(error)
+    if errors:
+        raise errors[0]
+    question = validate(cls, filled, document)
+    check_expectations(document)
+    if isinstance(question, Statics) and (loose := unheld(question)):
+        fix = "give them stiffness, a load that holds them, or a value under `coordinates:`"
+        raise document.error(("type",), f"nothing holds {joined(loose, 'and')}, so no equilibrium is distinct; {fix}")
+    return question
+
+
+def solve(question, document, progress=None):
+    """Result of a question; a mistake that shows only now is a FileError of the document it was read from."""
+    try:
+        return question.solve(progress=progress)
+    except Bad as bad:
+        raise document.error(keys_in(document.data, bad.key), str(bad)) from None
 
 
 def _kind(document):
     data = document.data
+    if "type" not in data and "segments" in data:
+        raise document.error(("segments",), "this is a robot; a problem file asks something of one (`robot: PATH`)")
     if "type" not in data:
         raise document.error(("type",), f"missing key 'type' ({joined(QUESTIONS)})")
     kind = data["type"]
     if isinstance(kind, str) and kind in LATER:
-        raise document.error(
-            ("type",), f"'{kind}' ({LATER[kind]}) is not built yet; this version answers {joined(QUESTIONS, 'and')}"
-        )
+        built = joined(QUESTIONS, "and")
+        raise document.error(("type",), f"'{kind}' ({LATER[kind]}) is not built yet; this version answers {built}")
     if not isinstance(kind, str) or kind not in QUESTIONS:
         raise document.error(("type",), f"unknown problem type {show(kind)}{nearest(kind, QUESTIONS)}")
     return QUESTIONS[kind]
 
 
-def _robot(document, folder):
+def _robot(document):
     if "robot" not in document.data:
-        raise document.error(("robot",), "missing key 'robot' (a path such as ../configs/robots/stiff_flop.yaml)")
+        example = "a path such as ../configs/robots/stiff_flop.yaml, or a mapping"
+        raise document.error(("robot",), f"missing key 'robot' ({example})")
     given = document.data["robot"]
     if isinstance(given, Robot):
         return given
-    if isinstance(given, dict):
-        return robot_of(document, ("robot",))
-    return _referred(document, "robot", given, folder, load_robot)
+    if not isinstance(given, dict):
+        raise document.error(("robot",), f"{show(given)} is given; a path or a mapping is wanted")
+    return robot_of(document, ("robot",))
 
 
-def _solver(document, folder):
+def _solver(document):
     given = document.data.get("solver")
-    if given is None:
-        return Ipopt()
-    if isinstance(given, (dict, Ipopt)):
-        return validate(Solver, given, document, ("solver",))
-    return _referred(document, "solver", given, folder, load_solver)
+    if given is None or isinstance(given, Ipopt):
+        return given or Ipopt()
+    if not isinstance(given, dict):
+        raise document.error(("solver",), f"{show(given)} is given; a path or a mapping is wanted")
+    return solver_of(document, ("solver",))
+
+
+def solver_of(document, path=()):
+    """Solver settings of (a part of) a document."""
+    data = document.data
+    for key in path:
+        data = data[key]
+    if "schema_version" in data and data["schema_version"] != 1:
+        raise document.error((*path, "schema_version"), f"{show(data['schema_version'])} is given; 1 is wanted")
+    return validate(Solver, {key: value for key, value in data.items() if key != "schema_version"}, document, path)
 
 
 def load_solver(path):
     """Solver settings of a YAML file."""
-    document = read_yaml(path)
-    data = {key: value for key, value in document.data.items() if key != "schema_version"}
-    return validate(Solver, data, document)
+    return solver_of(read_yaml(path))
 
 
-def _referred(document, key, given, folder, load):
-    if not isinstance(given, str):
-        raise document.error((key,), f"{show(given)} is given; a path or a mapping is wanted")
-    path = folder / given
+def _referred(document, key, given, folder):
+    """Document of the file that a key names."""
     try:
-        return load(path)
+        return read_yaml(_short(folder / given))
     except UnreadableFile as error:
-        near = nearest(path.name, sorted(os.listdir(path.parent)) if path.parent.is_dir() else [])
-        raise document.error((key,), f"cannot read '{given}' beside this file{near}") from error
-    except RecursionError:
-        raise document.error((key,), f"'{given}' cannot be read") from None
+        raise document.error((key,), f"cannot read '{given}' beside this file{_near(folder / given)}") from error
+
+
+def _short(path):
+    """The path without detours over `..`, if that leads to the same file."""
+    try:
+        short = Path(os.path.normpath(path))
+        return short if short.samefile(path) else path
+    except (OSError, ValueError):
+        return path
+
+
+def _near(path):
+    """The nearest file name in the folder of a path, or '' if that cannot be read."""
+    try:
+        return nearest(path.name, sorted(name for name in os.listdir(path.parent) if name.endswith(".yaml")))
+    except (OSError, ValueError):
+        return ""
 
 
 def with_solver(question, **changes):

@@ -73,13 +73,21 @@ def dotted(path):
 
 @dataclass(frozen=True)
 class Document:
-    """Plain data and where it stands: lines of keys and values by path, paths that `--set` replaced."""
+    """Plain data and where it stands: lines of keys and values by path, paths that `--set` replaced.
+
+    grafts: {key: Document} of files that stand in the place of a path to them.
+    """
 
     data: Any
     file: str | None = None
     keys: Mapping = field(default_factory=dict)
     values: Mapping = field(default_factory=dict)
     overrides: tuple = ()
+    grafts: Mapping = field(default_factory=dict)
+
+    def grafted(self, key, document):
+        """This document with another one's data at a top-level key; errors in there name the other file."""
+        return replace(self, data={**self.data, key: document.data}, grafts={**self.grafts, key: document})
 
     def line(self, path):
         """Line of a path: a scalar's own, a mapping's or list's key; a missing key has its parent's."""
@@ -93,8 +101,24 @@ class Document:
         path = tuple(path)
         for replaced in reversed(self.overrides):
             if path[:len(replaced)] == replaced:
-                return FileError(message, file=f"--set {dotted(replaced)}", path=dotted(path))
+                inner = dotted(path) if path != replaced else ""
+                return FileError(message, file=f"--set {dotted(replaced)}", path=inner)
+        if len(path) > 1 and path[0] in self.grafts:
+            return self.grafts[path[0]].error(path[1:], message)
         return FileError(message, file=self.file, line=self.line(path), path=dotted(path))
+
+
+def keys_in(data, text):
+    """Path of dotted text: `loads.tip.force`; keys that hold dots themselves are found, unknown ones kept."""
+    names, path = text.split("."), ()
+    while names:
+        runs = [".".join(names[:count]) for count in range(len(names), 0, -1)]
+        known = isinstance(data, Mapping)
+        part = next((run for run in runs if known and run in data), names[0])
+        names = names[part.count(".") + 1 :]
+        part = int(part) if isinstance(data, list | tuple) and part.isdecimal() else part
+        path, data = (*path, part), value_at(data, (part,))
+    return path
 
 
 def value_at(data, path):
@@ -145,7 +169,7 @@ class Builder:
         """The next event."""
         try:
             return next(self.events)
-        except Exception as error:  # noqa: BLE001  ruamel.yaml lets ValueError and more through on odd bytes
+        except Exception as error:  # ruamel.yaml lets ValueError and more through on odd bytes
             raise syntax_error(error) from None
 
     @staticmethod

@@ -6,7 +6,7 @@
 
 with c_k the Stumpff functions of w.w. The map T_xi(X) of the sources is X tangent(X xi), and the body twist
 of g = exp(Omega) is Ad_g^-1 tangent(Omega) Omega_dot = tangent(-Omega) Omega_dot.
-Source: F. Renda, L. Seneviratne, ICRA 2018, eqs. for exp and T_xi; F. Renda et al., T-RO 2018, appendix;
+Source: F. Renda, L. Seneviratne, ICRA 2018; F. Renda et al., T-RO 2018;
 T. Barfoot, "State Estimation for Robotics", 2017, secs. 7.1.3-7.1.5 (block form of the tangent map).
 """
 

@@ -13,7 +13,7 @@ from math import factorial, pi
 
 import casadi as ca
 
-RANGE = 2 * pi  # largest rotation angle for which `series` keeps its accuracy
+RANGE = 2 * pi * (1 + 1e-9)  # largest rotation angle for which `series` keeps its accuracy; a closed circle is within
 TERMS = 17  # c_0 at x = RANGE^2 drops RANGE^38 / 38! = 4e-15 first; 16 terms would drop 1e-13
 SWITCH = 10.0  # in x: the closed forms divide rounding errors by x up to four times (c_5''), harmless above 1
 SWITCH_TERMS = 14  # below SWITCH c_0'' drops 16^2 SWITCH^14 / 32! = 1e-19 first

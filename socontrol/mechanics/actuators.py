@@ -4,7 +4,7 @@ A line runs at d(X) = (0, y, z) through a rod; its tangent is t = v / |v| with v
 E = [-skew(d) I]. Axial force N: -T in a cable of tension T, +P a in a chamber of pressure P and area a. Then
     tau = N int Phi^T E^T t ds = N d(length)/dq,   d tau/dq = N int Phi^T E^T (I - t t^T)/|v| E Phi ds.
 `direction: normal` lets a chamber push along the section's normal e1 instead. Through a joint a cable runs straight
-between the guide holes of its two sides. Source: F. Renda et al., RA-L 2020, eqs. 9-12 (T there is N here).
+between the guide holes of its two sides. Source: F. Renda et al., RA-L 2020 (T there is N here).
 """
 
 from dataclasses import dataclass
@@ -226,15 +226,27 @@ def lines(tree, along, offset, gain, span=(0.0, 1.0), kind=RodLine):
             own = piece.length if piece.is_rod else lengths[name]
             first, last = done / total, (done + own) / total
             done = done + own
-            if span[0] >= last - 1e-12 or span[1] <= first + 1e-12:
+            part = _covered(span, first, last)
+            if part is None:
                 continue
             if piece.is_rod:
-                part = [(max(span[0], first) - first) / (last - first), (min(span[1], last) - first) / (last - first)]
                 ends = (route.at(first), route.at(last))
-                shares.append(kind(i, _nodes(piece, route, first, last, part), gain, ends, tuple(part)))
+                shares.append(kind(i, _nodes(piece, route, first, last, part), gain, ends, part))
             elif piece.size:
                 shares.append(_chord(tree, i, name, route, first, last, gain, kind))
     return shares
+
+
+def _covered(span, first, last):
+    """Fractions of a piece from `first` to `last` between which a line runs; None where it does not."""
+    if span == (0.0, 1.0):
+        return span
+    if not (ca.SX(first).is_constant() and ca.SX(last).is_constant()):
+        raise ValueError("the lengths along a cable that begins or ends on the way (from, to) must be numbers")
+    first, last = float(first), float(last)
+    if span[0] >= last - 1e-12 or span[1] <= first + 1e-12:
+        return None
+    return (max(span[0], first) - first) / (last - first), (min(span[1], last) - first) / (last - first)
 
 
 def _unknown(name, tree):
@@ -244,7 +256,12 @@ def _unknown(name, tree):
 def _length(tree, name):
     """Length of a rod, or from a joint to its end frame [m]."""
     piece = tree.pieces[tree.of[name][0]]
-    return piece.record.length if piece.is_rod else float(ca.norm_2(ca.DM(se3.position(piece.end))))
+    return piece.record.length if piece.is_rod else _norm(se3.position(piece.end))
+
+
+def _norm(x):
+    """Length of x [3], a float where x holds numbers."""
+    return ca.norm_2(x) if ca.symvar(ca.SX(x)) else float(ca.norm_2(ca.DM(x)))
 
 
 def _nodes(piece, route, first, last, part):
@@ -260,7 +277,8 @@ def _chord(tree, i, name, route, first, last, gain, kind):
         raise Bad("along", f"'{name}' is a joint; a chamber runs along rods only")
     piece = tree.pieces[i]
     start, stop = route.at(first), se3.transform(piece.end, route.at(last))
-    if float(ca.norm_2(ca.DM(stop - start))) == 0:
+    length = _norm(stop - start)
+    if isinstance(length, float) and length == 0:
         raise Bad("along", f"the cable has no length through the joint '{name}'; give '{name}' a tip")
     return Chord(i, start, stop, gain)
 

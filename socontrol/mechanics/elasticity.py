@@ -2,7 +2,7 @@
 
 Rod: f = int Phi^T F(xi - xi_star) ds with F = dW/dxi; joint: f = K (q - rest). Units of f: N m and N times the
 unit of length of each strain (N m^2 for a curvature, N m for a stretch).
-Source: F. Renda, L. Seneviratne, ICRA 2018, eq. 26.
+Source: F. Renda, L. Seneviratne, ICRA 2018.
 """
 
 import casadi as ca

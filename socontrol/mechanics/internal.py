@@ -2,15 +2,17 @@
 
     F_elastic(X) = F_carried(X) + F_actuation(X),
 in the body frame at X, with F_carried the wrench of all loads beyond X (so a pull at the tip is tension, +) and
-F_actuation = sum u_a gain [d x t; t]. Source: F. Renda et al., T-RO 2018, eq. 17.
+F_actuation = sum u_a gain [d x t; t]. Source: F. Renda et al., T-RO 2018.
 """
 
 import casadi as ca
+import numpy as np
 
 from socontrol.lie import se3
 from socontrol.mechanics import loads as load_family
 from socontrol.mechanics import recursions
-from socontrol.mechanics.loads import Field
+from socontrol.mechanics.loads import Field, PointLoad
+from socontrol.model.quadrature import gauss_legendre
 
 
 def carried_beyond(statics, piece, x):
@@ -22,7 +24,32 @@ def carried_beyond(statics, piece, x):
             F += here.F
     for field in fields[piece]:
         F += _part(kin, piece, field, x)
+    return F + _spread_correction(statics, piece, x)
+
+
+def _spread_correction(statics, i, x):
+    """What loads spread over piece i carry beyond x, less what their quadrature points beyond x carry."""
+    F, slices = ca.DM(6, 1), statics.kin.tree.pieces[i].slices
+    spread = [p for p in statics.robot.loads if isinstance(p, PointLoad) and p.spread and p.piece == i]
+    if x == 0 or not spread:
+        return F
+    nodes = [p.x for p in slices]
+    shares = dict(zip(nodes, _shares(nodes, x), strict=True))
+    for load in spread:
+        F += (shares[load.x] - (load.x >= x)) * load.wrench(statics.kin)[0]
     return F
+
+
+def _shares(nodes, x):
+    """int_x^1 l_k / int_0^1 l_k of the Lagrange polynomials l_k through Gauss points `nodes` on [0, 1]."""
+    points, weights = gauss_legendre(len(nodes))
+    y = x + (1 - x) * np.array(points)
+    shares = []
+    for k, node in enumerate(nodes):
+        others = np.delete(nodes, k)
+        basis = np.prod((y[:, None] - others) / (node - others), axis=1)
+        shares.append(float((1 - x) * basis @ weights / weights[k]))
+    return shares
 
 
 def _part(kin, i, field, x):

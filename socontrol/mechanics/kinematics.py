@@ -4,7 +4,7 @@
 
 S_w(i, x) qd_i is the twist, about the world's origin, that q_i gives to everything carried at x on piece i or
 beyond. Body Jacobian of a frame g: J = Ad(g)^-1 [S_w of the chain], eta = J qd (body frame, angular first).
-Source: F. Renda, L. Seneviratne, ICRA 2018, eqs. 10-13.
+Source: F. Renda, L. Seneviratne, ICRA 2018.
 """
 
 import casadi as ca

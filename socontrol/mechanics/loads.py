@@ -28,7 +28,10 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class PointLoad:
-    """A force and a moment at x on a piece, then `offset` [4 x 4]; in body axes if `follower`."""
+    """A force and a moment at x on a piece, then `offset` [4 x 4]; in body axes if `follower`.
+
+    `spread`: one quadrature point of a load that acts all along the piece.
+    """
 
     piece: int
     x: float
@@ -36,6 +39,7 @@ class PointLoad:
     force: Any
     moment: Any
     follower: bool
+    spread: bool = False
 
     @property
     def conservative(self):
@@ -123,7 +127,7 @@ class Distributed:
                 continue
             for w, p in zip(weights, tree.pieces[i].slices, strict=True):
                 force, moment = [w * f for f in self.force], [w * m for m in self.moment]
-                loads.append(PointLoad(i, p.x, ca.DM.eye(4), force, moment, self.axes == "body"))
+                loads.append(PointLoad(i, p.x, ca.DM.eye(4), force, moment, self.axes == "body", spread=True))
         return loads
 
 
@@ -163,7 +167,7 @@ def _rod_weight(i, piece, acceleration):
     if centred:
         return [field(piece, i, masses, acceleration)]
     return [
-        PointLoad(i, p.x, se3.pose(ca.DM.eye(3), c), [m * a for a in acceleration], None, False)
+        PointLoad(i, p.x, se3.pose(ca.DM.eye(3), c), [m * a for a in acceleration], None, False, spread=True)
         for p, c, m in zip(piece.slices, centres, masses, strict=True)
     ]
 

@@ -2,7 +2,7 @@
 
 xi = Phi q + xi_bar with xi = [k; p] = (twist, bend_y, bend_z, stretch, shear_y, shear_z), angular first, body
 frame, local x along the rod; xi_bar = e4, so that q = 0 is the straight, unstretched rod.
-Source: F. Renda, L. Seneviratne, ICRA 2018, table II; names of the rows are those of the models they hold.
+Source: F. Renda, L. Seneviratne, ICRA 2018; names of the rows are those of the models they hold.
 """
 
 import casadi as ca

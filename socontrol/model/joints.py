@@ -2,7 +2,7 @@
 
 The moving frame is base @ exp(Phi q); the end frame, where children stand, is moving @ tip. `axis` is any
 direction in the base frame, `point` moves it off the origin: Phi = Ad(pose(I, point)) Phi_0.
-Stiffness acts on the coordinates' deviation from `rest`. Source: F. Renda, L. Seneviratne, ICRA 2018, table I.
+Stiffness acts on the coordinates' deviation from `rest`. Source: F. Renda, L. Seneviratne, ICRA 2018.
 """
 
 from typing import Annotated, Any
@@ -108,10 +108,12 @@ def unit(axis):
 def normal_basis(normal):
     """Two unit vectors across `normal` [3 x 2], right-handed with it; e1, e2 for the normal e3."""
     n = [float(x) for x in ca.DM(unit(normal)).full().ravel()]
-    if n[2] < -1 + 1e-9:  # opposite to e3: turn by pi about x
+    a, b = n[0], n[1]
+    aside = a * a + b * b
+    if n[2] < 0 and aside < 1e-30:  # opposite to e3: turn by pi about x
         return ca.DM([[1, 0], [0, -1], [0, 0]])
-    # columns of the smallest rotation that takes e3 to n
-    a, b, c = n[0], n[1], 1 / (1 + n[2])
+    # columns of the smallest rotation that takes e3 to n; 1/(1 + n_z) without its cancellation near -1
+    c = 1 / (1 + n[2]) if n[2] > 0 else (1 - n[2]) / aside
     return ca.DM([[1 - a * a * c, -a * b * c], [-a * b * c, 1 - b * b * c], [-a, -b]])
 
 

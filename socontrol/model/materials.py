@@ -3,7 +3,7 @@
 Linear: W = eps^T Sigma eps / 2 with eps = xi - xi_star and Sigma = diag(G Jt, E Jy, E Jz, E A, G A, G A) for a
 centred section; off-centre sections couple stretch with bending (E int (stretch + z bend_y - y bend_z)^2 dA / 2).
 Any other strain energy W(eps) per length is accepted; the force is its derivative, made here by CasADi.
-Units: W [J/m], F = [moment N m; force N], body frame, angular first. Source: F. Renda et al., T-RO 2018, eq. 13;
+Units: W [J/m], F = [moment N m; force N], body frame, angular first. Source: F. Renda et al., T-RO 2018;
 the limited-extensibility law is that of A. Gent, Rubber Chem. Technol. 69 (1996), in bending and stretch.
 """
 

@@ -6,7 +6,7 @@ S(s) [6 x n] seen from the base frame (angular first). A lumped joint runs up to
 of rod up to its length in metres. Places on a piece are named by x = s / length in [0, 1]. Sweeps ask a piece only
 for `step`, `wrench_gradient` and `first_moment`, so a piece whose strain varies along s may answer them with
 products of exponentials.
-Source: F. Renda, L. Seneviratne, ICRA 2018, eqs. 5-9.
+Source: F. Renda, L. Seneviratne, ICRA 2018.
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """From (q, u) to a Result: poses, lengths, energies, limits, and the looks that make the answer trustworthy."""
 
+from functools import cached_property
+
 import numpy as np
 
 from socontrol.mechanics.loads import PointLoad
@@ -17,7 +19,10 @@ class Look:
     def __init__(self, question, balance):
         self.question, self.balance, self.robot = question, balance, question.loaded
         self.functions = self.robot.functions()
-        self._fine = None
+
+    @cached_property
+    def _checker(self):
+        return check.Checker(self.robot)
 
     def values(self, q, u):
         """{name: Value} of inputs, coordinates, end poses, cable lengths and energies."""
@@ -40,7 +45,7 @@ class Look:
 
     def residuals(self, q, u, free):
         """Recomputed unbalanced force beside the largest force, on the free coordinates; scaled by sqrt(K)."""
-        r, elastic, external, actuation = check.residual(self.robot, q, u)
+        r, elastic, external, actuation = self._checker(q, u)
         scale = self.balance.scales.force
         parts = np.concatenate([np.abs(p / scale)[free] for p in (elastic, external, actuation)])
         largest = max(float(np.max(parts, initial=0.0)), 1e-300)

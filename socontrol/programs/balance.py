@@ -133,11 +133,12 @@ def load_parameters(robot):
 
 
 def _direction(K, r):
-    """Newton step -K^-1 r; least squares where K is singular."""
+    """Newton step -K^-1 r; where K is singular, least squares, and downhill along the force they leave."""
     try:
         return -np.linalg.solve(K, r)
     except np.linalg.LinAlgError:
-        return -np.linalg.lstsq(K, r, rcond=1e-12)[0]
+        step = np.linalg.lstsq(K, r, rcond=1e-12)[0]
+        return -(step + r - K @ step)
 
 
 def _status(reached, q, count, limit):

@@ -6,106 +6,199 @@ on the points one by one. None of the solver's series, moments or composite tang
 the Gauss points.
 """
 
+from functools import cached_property
+
 import casadi as ca
 import numpy as np
 
 from socontrol.mechanics import elasticity
+from socontrol.mechanics.actuators import Chord, NormalLine, RodLine
 from socontrol.mechanics.loads import Field
 from socontrol.model.quadrature import gauss_legendre
 
 POINTS = 16  # Gauss points of the adjoint's integral: exact to 1e-13 for one full turn
+FEWER, GENTLE = 8, 1.0  # and that many to 1e-14 where a section turns by less than a radian
 
 
 def residual(robot, q, u, factor=2):
     """Unbalanced generalised force [n] at q, u, and its parts elastic, external, actuation [n]."""
-    robot = robot.refined(factor=factor)
-    q, u = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
-    look = _Look(robot, q)
-    elastic = np.concatenate([np.array(ca.DM(elasticity.force(p, ca.DM(q)))).ravel() for p in look.pieces if p.size])
-    external, actuation = look.external(), look.actuation(u)
-    return elastic - external - actuation, elastic, external, actuation
+    return Checker(robot, factor)(q, u)
+
+
+class Checker:
+    """The numbers of one robot, with `factor` times the Gauss points, ready to look at many postures."""
+
+    def __init__(self, robot, factor=2):
+        self.robot = robot.refined(factor=factor)
+        self.pieces = self.robot.tree.pieces
+        self.Phi = [numeric(p.Phi).reshape(6, p.size) for p in self.pieces]
+        self.xi_bar = [numeric(p.xi_bar).ravel() for p in self.pieces]
+        self.lengths = [float(p.length) for p in self.pieces]
+        self.placements = [numeric(p.placement) for p in self.pieces]
+        self.loads = [_Load(load, self.pieces) for load in self.robot.loads]
+        self.lines = [[_Line(line, self.pieces) for line in shares] for shares in self.robot.lines]
+
+    def __call__(self, q, u):
+        """(unbalanced, elastic, external, actuation) generalised forces [n] each."""
+        q, u = np.asarray(q, dtype=float).ravel(), np.asarray(u, dtype=float).ravel()
+        look = _Look(self, q)
+        elastic = np.array(self._elastic(q)).ravel()
+        external, actuation = look.external(), look.actuation(u)
+        return elastic - external - actuation, elastic, external, actuation
+
+    @cached_property
+    def _elastic(self):
+        q = ca.SX.sym("q", self.robot.n)
+        parts = [elasticity.force(piece, q) for piece in self.pieces if piece.size]
+        return ca.Function("elastic", [q], [ca.densify(ca.SX(ca.vertcat(*parts)))])
+
+
+class _Load:
+    """One load in numbers: places x, dead or follower wrench [moment; force] at each, offset pose."""
+
+    def __init__(self, load, pieces):
+        self.piece, self.follower, self.offset = load.piece, False, np.eye(4)
+        force = np.array([float(f) for f in ca.vertsplit(ca.DM(ca.vertcat(*_entries(load.force))))])
+        if isinstance(load, Field):
+            self.x = np.array([p.x for p in pieces[load.piece].slices])
+            self.force = np.array([float(w) for w in load.weights])[:, None] * force
+            self.moment = np.zeros_like(self.force)
+            return
+        self.x, self.force, self.follower = np.array([load.x]), force[None, :], load.follower
+        self.moment = np.zeros((1, 3)) if load.moment is None else np.array([[float(m) for m in load.moment]])
+        self.offset = numeric(load.offset)
+
+    def wrenches(self, poses):
+        """[k x 6] about the world's origin, from the poses [k x 4 x 4] of its places."""
+        g = poses @ self.offset
+        force, moment = self.force, self.moment
+        if self.follower:
+            force = np.einsum("kij,kj->ki", g[:, :3, :3], force)
+            moment = np.einsum("kij,kj->ki", g[:, :3, :3], moment)
+        return np.hstack([np.cross(g[:, :3, 3], force) + moment, force])
+
+
+class _Line:
+    """One share of an actuator in numbers; `force` gives its generalised force for unit input."""
+
+    def __init__(self, line, pieces):
+        self.kind, self.piece, self.gain = type(line), line.piece, float(line.gain)
+        if isinstance(line, RodLine):
+            self.weights = np.array([float(w) for w, _, _ in line.nodes])
+            self.E = np.array([np.hstack([-skew(numeric(d).ravel()), np.eye(3)]) for _, d, _ in line.nodes])
+            self.slopes = np.array([numeric(slope).ravel() for _, _, slope in line.nodes])
+        elif isinstance(line, Chord):
+            self.start, self.stop = numeric(line.start).ravel(), numeric(line.stop).ravel()
+        else:
+            Phi = numeric(pieces[line.piece].Phi)
+            self.wrench = (Phi @ np.linalg.inv(Phi.T @ Phi))[:, line.degree]
+
+    def force(self, look):
+        i, Phi, xi = self.piece, look.numbers.Phi[self.piece], look.strains[self.piece]
+        if issubclass(self.kind, RodLine):
+            v = self.E @ xi + self.slopes
+            if self.kind is NormalLine:
+                v = np.tile([1.0, 0, 0], (len(v), 1))
+            t = v / np.sqrt((v * v).sum(axis=1))[:, None]
+            return self.gain * (Phi.T @ np.einsum("p,pij,pi->j", self.weights, self.E, t))
+        g = exponentials(xi, np.array([1.0]))[0]
+        S = moved(xi, np.array([1.0]))[0] @ Phi
+        if self.kind is Chord:
+            y = g[:3, :3] @ self.stop + g[:3, 3]
+            t = (y - self.start) / np.linalg.norm(y - self.start)
+            return self.gain * (S.T @ np.concatenate([np.cross(y, t), t]))
+        return self.gain * (np.linalg.solve(adjoints(g[None])[0], S).T @ self.wrench)
 
 
 class _Look:
-    def __init__(self, robot, q):
-        self.robot, self.q, self.pieces = robot, q, robot.tree.pieces
-        self.strains = [np.array(ca.DM(p.strain(ca.DM(q)))).ravel() for p in self.pieces]
-        self.Phi = [np.array(ca.DM(p.Phi)).reshape(6, p.size) for p in self.pieces]
-        self.bases = []
-        for piece in self.pieces:
-            at = np.eye(4) if piece.parent is None else self.pose(piece.parent, piece.place)
-            self.bases.append(at @ np.array(ca.DM(piece.placement)))
+    """Poses of one posture, and the forces that act there."""
 
-    def pose(self, i, x):
-        return self.bases[i] @ exponential(x * float(self.pieces[i].length) * self.strains[i])
+    def __init__(self, numbers, q):
+        self.numbers, self.q, self.pieces, self.bases, self.strains = numbers, q, numbers.pieces, [], []
+        for i, piece in enumerate(self.pieces):
+            self.strains.append(numbers.xi_bar[i] + numbers.Phi[i] @ q[piece.columns])
+            at = np.eye(4) if piece.parent is None else self.poses(piece.parent, np.array([piece.place]))[0]
+            self.bases.append(at @ numbers.placements[i])
 
-    def motion(self, i, x):
-        """World twists [6 x n_i] of the place x on piece i."""
-        piece, s = self.pieces[i], x * float(self.pieces[i].length)
-        nodes, weights = gauss_legendre(POINTS)
-        total = np.zeros((6, 6))
-        for node, weight in zip(nodes, weights, strict=True):
-            total += s * weight * adjoint(exponential(node * s * self.strains[i]))
-        return adjoint(self.bases[i]) @ total @ self.Phi[i]
+    def poses(self, i, x):
+        """World <- frames at places x [k] of piece i [k x 4 x 4]."""
+        return self.bases[i] @ exponentials(self.strains[i], x * self.numbers.lengths[i])
+
+    def motions(self, i, x):
+        """World twists [k x 6 x n_i] that the coordinates of piece i give at places x [k]."""
+        local = moved(self.strains[i], x * self.numbers.lengths[i])
+        return adjoints(self.bases[i][None])[0] @ local @ self.numbers.Phi[i]
 
     def external(self):
-        """Generalised force [n] of every single load, by the twists of the pieces that carry it."""
-        Q = np.zeros(self.robot.n)
-        for i, x, F in self._wrenches():
-            for j, place in self.robot.tree.chain(i, x):
-                if self.pieces[j].size:
-                    Q[self.pieces[j].columns] += self._motion(j, place).T @ F
+        """Generalised force [n] of all loads: wrenches gathered tip to base, each piece moved by its own twists."""
+        Q, carried = np.zeros(self.numbers.robot.n), [np.zeros(6) for _ in self.pieces]
+        hanging = [[] for _ in self.pieces]  # (place, wrench) of what stands on a piece
+        for load in self.numbers.loads:
+            F = load.wrenches(self.poses(load.piece, load.x))
+            hanging[load.piece] += list(zip(load.x, F, strict=True))
+        for i in reversed(range(len(self.pieces))):
+            piece = self.pieces[i]
+            if hanging[i]:
+                x = np.array([place for place, _ in hanging[i]])
+                F = np.array([wrench for _, wrench in hanging[i]])
+                if piece.size:
+                    Q[piece.columns] = np.einsum("kij,ki->j", self.motions(i, x), F)
+                carried[i] = F.sum(axis=0)
+            if piece.parent is not None:
+                hanging[piece.parent].append((piece.place, carried[i]))
         return Q
-
-    def _motion(self, j, x, cache=None):
-        cache = self.__dict__.setdefault("_motions", {})
-        if (j, x) not in cache:
-            cache[j, x] = self.motion(j, x)
-        return cache[j, x]
-
-    def _wrenches(self):
-        """(piece, x, wrench about the world's origin) of every load."""
-        for load in self.robot.loads:
-            force = np.array(ca.DM(ca.vertcat(*load.force) if isinstance(load.force, (list, tuple)) else load.force))
-            force = force.ravel()
-            if isinstance(load, Field):
-                for weight, p in zip(load.weights, self.pieces[load.piece].slices, strict=True):
-                    r = self.pose(load.piece, p.x)[:3, 3]
-                    yield load.piece, p.x, float(weight) * np.concatenate([np.cross(r, force), force])
-                continue
-            g = self.pose(load.piece, load.x) @ np.array(ca.DM(load.offset))
-            moment = np.zeros(3) if load.moment is None else np.array([float(m) for m in load.moment])
-            if load.follower:
-                force, moment = g[:3, :3] @ force, g[:3, :3] @ moment
-            yield load.piece, load.x, np.concatenate([np.cross(g[:3, 3], force) + moment, force])
 
     def actuation(self, u):
-        """B(q) u [n] from the lines' own forces at twice the Gauss points."""
-        Q, q = np.zeros(self.robot.n), ca.DM(self.q)
-        for value, shares in zip(u, self.robot.lines, strict=True):
+        """B(q) u [n] from the lines' own forces."""
+        Q = np.zeros(self.numbers.robot.n)
+        for value, shares in zip(u, self.numbers.lines, strict=True):
             for line in shares:
-                Q[self.pieces[line.piece].columns] += value * np.array(ca.DM(line.force(self.robot.tree, q))).ravel()
+                Q[self.pieces[line.piece].columns] += value * line.force(self)
         return Q
+
+
+def _entries(force):
+    return force if isinstance(force, (list, tuple)) else [force]
+
+
+def numeric(matrix):
+    """A constant CasADi matrix as numpy."""
+    return np.array(ca.DM(matrix).full())
 
 
 def skew(w):
     return np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
 
 
-def exponential(xi):
-    """exp(hat(xi)) [4 x 4] by Rodrigues' formula."""
-    t, W = np.linalg.norm(xi[:3]), skew(xi[:3])
-    a, b, c = (np.sin(t) / t, 2 * (np.sin(t / 2) / t) ** 2, (t - np.sin(t)) / t**3) if t > 1e-2 else _small(t)
-    g = np.eye(4)
-    g[:3, :3] += a * W + b * W @ W
-    g[:3, 3] = xi[3:] + b * W @ xi[3:] + c * W @ W @ xi[3:]
+def exponentials(xi, s):
+    """exp(s hat(xi)) [k x 4 x 4] at arcs s [k] by Rodrigues' formula."""
+    W, z = skew(xi[:3]), s * np.linalg.norm(xi[:3])
+    near = z < 1e-2
+    safe = np.where(near, 1.0, z)
+    a = s * np.where(near, 1 - z**2 / 6 + z**4 / 120, np.sin(safe) / safe)
+    b = s**2 * np.where(near, 0.5 - z**2 / 24 + z**4 / 720, 2 * (np.sin(safe / 2) / safe) ** 2)
+    c = s**3 * np.where(near, 1 / 6 - z**2 / 120 + z**4 / 5040, (safe - np.sin(safe)) / safe**3)
+    g = np.zeros((s.size, 4, 4))
+    g[:, :3, :3] = np.eye(3) + a[:, None, None] * W + b[:, None, None] * (W @ W)
+    g[:, :3, 3] = s[:, None] * xi[3:] + b[:, None] * (W @ xi[3:]) + c[:, None] * (W @ W @ xi[3:])
+    g[:, 3, 3] = 1.0
     return g
 
 
-def _small(t):
-    return 1 - t**2 / 6 + t**4 / 120, 0.5 - t**2 / 24 + t**4 / 720, 1 / 6 - t**2 / 120 + t**4 / 5040
+def adjoints(g):
+    """Ad of poses [k x 4 x 4], [k x 6 x 6]."""
+    R, r = g[:, :3, :3], g[:, :3, 3]
+    Ad = np.zeros((len(g), 6, 6))
+    Ad[:, :3, :3] = Ad[:, 3:, 3:] = R
+    turned = np.zeros((len(g), 3, 3))
+    turned[:, [2, 0, 1], [1, 2, 0]], turned[:, [1, 2, 0], [2, 0, 1]] = r, -r
+    Ad[:, 3:, :3] = turned @ R
+    return Ad
 
 
-def adjoint(g):
-    R = g[:3, :3]
-    return np.block([[R, np.zeros((3, 3))], [skew(g[:3, 3]) @ R, R]])
+def moved(xi, s):
+    """int_0^s Ad(exp(sigma xi)) dsigma [k x 6 x 6] for arcs s [k], by Gauss quadrature."""
+    gentle = np.linalg.norm(xi[:3]) * np.max(s, initial=0.0) < GENTLE
+    nodes, weights = (np.array(a) for a in gauss_legendre(FEWER if gentle else POINTS))
+    Ad = adjoints(exponentials(xi, np.outer(s, nodes).ravel())).reshape(s.size, nodes.size, 6, 6)
+    return s[:, None, None] * np.einsum("p,kpij->kij", weights, Ad)

@@ -121,11 +121,15 @@ def started(robot, name, variant):
 def solve(question, progress=None):
     """Result with fitted parameters, errors a measurement, and rms over fit and test measurements."""
     began, values, arrays, details, statuses, count = time.perf_counter(), {}, {}, {}, [], 0
+    logs = []
     cases = [(name, factor) for name in question.variants for factor in question.factors]
     for k, (name, factor) in enumerate(cases):
         label = f"{name}.{factor:g}"
         balance = Balance(question.variant(name), tuple(question.variants[name].parameters))
         outcome = _fitted(question, name, factor, balance)
+        logs.append(outcome.log)
+        if outcome.status.outcome == "interrupted":
+            raise KeyboardInterrupt
         count += outcome.iterations
         rows = _compared(question, balance, factor, outcome.values["theta"])
         statuses.append(outcome.status if rows["status"].solved else rows["status"])
@@ -137,12 +141,27 @@ def solve(question, progress=None):
             values[f"{label}.{path}"] = Value(fitted, "SI")
         if progress:
             progress(k + 1, len(cases), label)
+    values |= _ratios(question, values)
     failed = next((s for s in statuses if not s.solved), None)
     status = failed or Status("solved", f"{len(cases)} fits solved; every equilibrium solved anew.")
     return Result(
         name=question.name, type="fit", status=status, values=values, arrays=arrays, question=question,
-        details={"fits": details}, solver={"iterations": count, "seconds": time.perf_counter() - began},
+        log="\n".join(filter(None, logs)), details={"fits": details},
+        solver={"iterations": count, "seconds": time.perf_counter() - began},
     )  # fmt: skip
+
+
+def _ratios(question, values):
+    """rms on the test measurements over that of the first variant: below 1 is better."""
+    first, *others = question.variants
+    ratios = {}
+    for name in others:
+        for factor in question.factors:
+            for key in ("position", "tilt"):
+                own, base = (values.get(f"{v}.{factor:g}.rms.test.{key}") for v in (name, first))
+                if own and base and base.value > 0:
+                    ratios[f"{name}.{factor:g}.ratio.test.{key}"] = Value(own.value / base.value, "1")
+    return ratios
 
 
 def _by_path(question, name, theta):

@@ -5,7 +5,7 @@ then from further starts (random inputs, fixed seed). Every attempt is kept in `
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -41,8 +41,7 @@ class InverseStatics(Question):
         if not self.robot.m and not (self.coordinates or {}):
             raise Bad("goals", "the robot has no actuators that could meet a goal; add `actuators:` to its file")
         for name, goal in self.goals.items():
-            if goal.on not in self.robot.segments:
-                _locate(self.robot, name, goal)
+            _locate(self.robot, name, goal)
 
     def prepare(self):
         return InverseSolver(self)
@@ -62,12 +61,30 @@ def _locate(robot, name, goal):
 
 @dataclass(frozen=True)
 class Attempt:
-    """One call of the solver: where it started, how it ended."""
+    """One call of the solver: where it started, how it ended, its own log if that is kept."""
 
     start: str
     outcome: str
     iterations: int
     seconds: float
+    log: str = field(default="", repr=False)
+
+    @classmethod
+    def of(cls, start, outcome):
+        return cls(start, outcome.status.outcome, outcome.iterations, outcome.seconds, outcome.log)
+
+
+class _Interrupted(Exception):
+    """The user stopped the solver; what it had reached is in `outcome`."""
+
+    def __init__(self, outcome):
+        super().__init__()
+        self.outcome = outcome
+
+
+def _log(attempts):
+    """The solver's logs, one after the other."""
+    return "\n".join(f"--- {a.start}: {a.outcome}, {a.iterations} iterations\n{a.log}" for a in attempts if a.log)
 
 
 class InverseSolver:
@@ -111,30 +128,38 @@ class InverseSolver:
         attempts, parameters = [], {**self.posture.targets(), **targets}
 
         def attempt(label, nlp, **how):
-            outcome = nlp.solve(parameters=parameters if "parameters" not in how else how.pop("parameters"), **how)
-            attempts.append(Attempt(label, outcome.status.outcome, outcome.iterations, outcome.seconds))
+            outcome = nlp.solve(**{"parameters": parameters, **how})
+            attempts.append(Attempt.of(label, outcome))
+            if outcome.status.outcome == "interrupted":
+                raise _Interrupted(outcome)
             return outcome
 
+        try:
+            return self._find(parameters, attempt, start, warm), attempts
+        except _Interrupted as stop:
+            return stop.outcome, attempts
+
+    def _find(self, parameters, attempt, start, warm):
         posture = self.posture
         if warm is not None:
             outcome = attempt("neighbour", posture.exact, warm=warm)
             if outcome.status.solved:
-                return outcome, attempts
+                return outcome
         outcome = attempt("guess" if start is None and self.question.guess.inputs else "rest",
                           posture.exact, guess=start or self.guess())  # fmt: skip
-        if outcome.status.solved or outcome.status.outcome == "interrupted":
-            return outcome, attempts
+        if outcome.status.solved:
+            return outcome
         near = attempt("nearest", posture.nearest, guess=self.rest)
         if near.status.solved and self.meets(near, parameters, 1e-3):
             outcome = attempt("from the nearest", posture.exact, guess=near.values)
             if outcome.status.solved:
-                return outcome, attempts
-        outcome = self._continuation(parameters, attempts) or outcome
+                return outcome
+        outcome = self._continuation(parameters, attempt) or outcome
         if outcome.status.solved:
-            return outcome, attempts
-        return self._several_starts(parameters, attempt, near, outcome), attempts
+            return outcome
+        return self._several_starts(parameters, attempt, near, outcome)
 
-    def _continuation(self, parameters, attempts):
+    def _continuation(self, parameters, attempt):
         """From rest to goal in steps, each from the one before; None where a step fails."""
         start, outcome = self._reached(self.rest["q"]), None
         guess = self.rest
@@ -143,10 +168,8 @@ class InverseSolver:
                 f"target.{n}": goal.between(np.array(start[n]), np.array(parameters[f"target.{n}"]), k / STEPS)
                 for n, goal in self.posture.goals.items()
             }
-            outcome = self.posture.exact.solve(guess=guess, parameters={**parameters, **way})
-            attempts.append(
-                Attempt(f"continuation {k}/{STEPS}", outcome.status.outcome, outcome.iterations, outcome.seconds)
-            )
+            label = f"continuation {k}/{STEPS}"
+            outcome = attempt(label, self.posture.exact, guess=guess, parameters={**parameters, **way})
             if not outcome.status.solved:
                 return outcome
             guess = outcome.values
@@ -207,7 +230,7 @@ class InverseSolver:
         q, u = outcome.values["q"], outcome.values["u"]
         solver = {"iterations": sum(a.iterations for a in attempts), "seconds": seconds}
         result = Result(
-            name=question.name, type="inverse_statics", status=outcome.status, question=question, log=outcome.log,
+            name=question.name, type="inverse_statics", status=outcome.status, question=question, log=_log(attempts),
             arrays={"q": q, "u": u}, solver=solver, details={"attempts": attempts, "targets": parameters},
         )  # fmt: skip
         if not np.all(np.isfinite(q)):

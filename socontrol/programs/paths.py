@@ -45,10 +45,13 @@ def _gathered(solver, result, rows, count, name, path):
     misses, forces = [], []
     for outcome, parameters in rows:
         misses.append(np.linalg.norm(solver.posture.misses(outcome.values["q"], parameters)[name][:3]))
-        forces.append(solver.look.residuals(outcome.values["q"], outcome.values["u"], solver.posture.free)["force"].value)
+        if result.status.outcome != "interrupted":  # who stops wants to wait no longer
+            at = outcome.values["q"], outcome.values["u"]
+            forces.append(solver.look.residuals(*at, solver.posture.free)["force"].value)
     residuals = {**result.residuals}
     if rows:
         residuals[f"goals.{name}"] = Value(float(max(misses)), "m")
+    if forces:
         residuals["force"] = Value(float(max(forces)), "1")
     status = result.status
     if status.solved:

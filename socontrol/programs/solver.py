@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.programs.result import Status
-from socontrol.quantities import Bad, Count, Integer, OneOf, PositiveNumber, Second, record
+from socontrol.quantities import Bad, Count, Flag, Integer, OneOf, PositiveNumber, Second, record
 
 
 @record(kw_only=True)
@@ -19,6 +19,7 @@ class Ipopt:
     """Settings of the interior-point solver. `options` go to Ipopt by their own names.
 
     starts: further random starts when the plain solve and the continuation fail; seed: of those starts.
+    keep_log: the result carries Ipopt's own log (the command line always keeps it).
     """
 
     tolerance: PositiveNumber = 1e-10
@@ -27,6 +28,7 @@ class Ipopt:
     linear_solver: Literal["mumps", "spral"] = "mumps"
     starts: Integer = 4
     seed: Integer = 1
+    keep_log: Flag = False
     options: dict[str, Any] | None = None
 
     def __post_init__(self):
@@ -113,9 +115,9 @@ class Outcome:
 class NLP:
     """A program made ready for repeated solves: built once, called with new parameters, bounds and starts."""
 
-    def __init__(self, program, settings, quiet=True):
+    def __init__(self, program, settings):
         began = time.perf_counter()
-        self.program, self.settings, self.quiet = program, settings, quiet
+        self.program, self.settings, quiet = program, settings, not settings.keep_log
         made = program.functions()
         self.functions = made
         own = settings.plugin_options()
@@ -162,7 +164,7 @@ class NLP:
         began = time.perf_counter()
         solver = self._solver(warm is not None)
         try:
-            with captured(not self.quiet) as log:
+            with captured(self.settings.keep_log) as log:
                 answer = solver(**arguments)
         except RuntimeError as error:
             return self._failed(str(error), time.perf_counter() - began)

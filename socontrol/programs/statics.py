@@ -53,13 +53,14 @@ def looked_at(result, look, free, prescribed, residuals=None):
     q, u = result.arrays["q"], result.arrays["u"]
     residuals = {**(residuals or {}), **look.residuals(q, u, free)}
     status, collapsed = result.status, look.collapsed(q)
-    if not residuals["force"].value <= FORCE_TOLERANCE:
+    judged = status.outcome in ("solved", "infeasible")  # else what stopped the solver stays the status
+    if judged and not residuals["force"].value <= FORCE_TOLERANCE:
         status = Status(
             "rejected",
             f"The recomputed unbalanced force is {residuals['force'].value:.2g} of the largest force, above"
             f" {FORCE_TOLERANCE:g}; use more Gauss points (`quadrature`) or sections.",
         )
-    elif collapsed:
+    elif judged and collapsed:
         status = Status("rejected", f"Collapsed or over-bent: {', '.join(collapsed)}; bound the strains or use more sections.")
     stable = look.stability(q, u, free)
     details = {**result.details, "stability": stable.sentence, "stable": stable.stable,

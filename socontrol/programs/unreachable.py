@@ -41,6 +41,8 @@ def _alone(solver, limit, outcome, parameters):
     bounds[key][side][limit["index"]] += (1 if side else -1) * WIDER * span
     for start in (outcome.values, solver.rest):
         found = posture.exact.solve(guess=start, parameters=parameters, bounds=bounds)
+        if found.status.outcome == "interrupted":
+            raise KeyboardInterrupt
         if found.status.solved and solver.meets(found, parameters):
             return float(found.values[key][limit["index"]])
     return None

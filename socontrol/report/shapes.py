@@ -1,6 +1,7 @@
-"""Where everything of a robot stands, in numbers: frames along rods, skins around them, lines of tendons and chambers.
+"""Where everything of a robot stands, in numbers: frames along rods, skins, lines of tendons and chambers.
 
-Plain numpy: poses by Rodrigues' closed form, one a station. A skin is a list of polygons [k x 3], world, in metres.
+Plain numpy: poses by Rodrigues' closed form, one a station. A skin is an array of quads [f x 4 x 3], world,
+in metres, corners anticlockwise seen from outside; triangles repeat their last corner.
 """
 
 from functools import cached_property
@@ -12,7 +13,6 @@ import numpy as np
 from socontrol.mechanics.actuators import Chord, RodLine
 from socontrol.model.rods import Rod
 from socontrol.model.sections import section_at
-from socontrol.programs.check import exponential
 
 STATIONS = 36  # along a rod
 CORNERS = 28  # of a round outline
@@ -67,6 +67,20 @@ class Posed:
         return min([SLIM * self.robot.length, *(0.6 * w for w in widths)])
 
 
+def exponential(xi):
+    """exp(xi) [4 x 4] of a twist [angular; linear], by Rodrigues' formula; a series below 1e-2 rad."""
+    w, v = xi[:3], xi[3:]
+    t, W = np.linalg.norm(w), np.cross(np.eye(3), w)
+    if t > 1e-2:
+        a, b, c = np.sin(t) / t, 2 * (np.sin(t / 2) / t) ** 2, (t - np.sin(t)) / t**3
+    else:
+        a, b, c = 1 - t**2 / 6 + t**4 / 120, 0.5 - t**2 / 24 + t**4 / 720, 1 / 6 - t**2 / 120 + t**4 / 5040
+    g = np.eye(4)
+    g[:3, :3] += a * W + b * W @ W
+    g[:3, 3] = v + b * W @ v + c * W @ W @ v
+    return g
+
+
 def matrix(M):
     """A numeric CasADi matrix as numpy."""
     return np.array(ca.DM(M).full())
@@ -104,7 +118,13 @@ def sweep(frames, outlines):
     rings = np.stack([g[:3, 3] + o @ g[:3, 1:3].T for g, o in zip(frames, outlines, strict=True)])
     here, there = rings[:-1], rings[1:]
     sides = np.stack([here, np.roll(here, -1, 1), np.roll(there, -1, 1), there], 2).reshape(-1, 4, 3)
-    return [*sides, rings[0][::-1], rings[-1]]
+    return np.concatenate([sides, _lid(rings[0][::-1]), _lid(rings[-1])])
+
+
+def _lid(ring):
+    """A fan [j x 4 x 3] that closes a ring [j x 3]."""
+    centre, after = np.broadcast_to(ring.mean(0), ring.shape), np.roll(ring, -1, 0)
+    return np.stack([centre, ring, after, after], 1)
 
 
 def bar(a, b, *radii):
@@ -123,12 +143,13 @@ def bar(a, b, *radii):
 
 def ball(centre, radius):
     """Skin of a sphere."""
-    heights = np.linspace(0, pi, 11)
-    axis = np.array([0.0, 0.0, 1.0]) * radius
-    rings = [bar(centre - np.cos(a) * axis, centre - np.cos(b) * axis,
-                 radius * max(np.sin(a), 1e-6), radius * max(np.sin(b), 1e-6))[:-2]
-             for a, b in zip(heights, heights[1:], strict=False)]  # fmt: skip
-    return [polygon for ring in rings for polygon in ring]
+    angles = np.linspace(0, pi, 13)
+    frames = np.tile(np.eye(4), (len(angles), 1, 1))
+    frames[:, :3, 3] = centre
+    frames[:, 0, 3] -= radius * np.cos(angles)
+    around = 2 * pi * np.arange(CORNERS) / CORNERS
+    ring = radius * np.column_stack([np.cos(around), np.sin(around)])
+    return sweep(frames, [max(np.sin(a), 1e-6) * ring for a in angles])
 
 
 def rod_skin(posed, segment):
@@ -147,10 +168,10 @@ def link_skins(posed, segment):
     carried = posed.end_radius(piece.parent, piece.place)
     stand = np.eye(4) if piece.parent is None else posed.pose(piece.parent, piece.place)
     radius = 0.6 * carried if carried and piece.size == 0 else slim
-    for a, b in ((stand[:3, 3], base[:3, 3]), (moved[:3, 3], end[:3, 3])):
-        offset = piece.parent is not None or a is not stand[:3, 3]
-        if np.linalg.norm(b - a) > slim / 4 and not (piece.parent is None and np.allclose(a, 0) and np.allclose(b, base[:3, 3])):
-            parts.append(("link", bar(a, b, radius if offset else slim)))
+    spans = [(moved[:3, 3], end[:3, 3])] + [(stand[:3, 3], base[:3, 3])] * (piece.parent is not None)
+    for a, b in spans:
+        if np.linalg.norm(b - a) > slim / 4:
+            parts.append(("link", bar(a, b, radius)))
     body = piece.record.body
     if body is not None:
         com = (moved @ np.array([*map(float, body.com), 1.0]))[:3]
@@ -181,28 +202,32 @@ def _joint(piece, base, moved, slim):
 
 
 def cables(posed, index):
-    """[(points [k x 3], outward [k x 3], is_chamber)] of the lines of one input; outward: away from the centreline."""
-    runs, joined = [], None
+    """[(points [k x 3], outward [k x 3], is_chamber)] of an input's lines; outward: off the centreline."""
+    runs = []
     for share in posed.robot.lines[index]:
         if isinstance(share, RodLine):
             points, outward = _along(posed, share)
         elif isinstance(share, Chord):
-            points = np.array([(posed.bases[share.piece] @ [*matrix(share.start).ravel(), 1.0])[:3],
-                               (posed.pose(share.piece) @ [*matrix(share.stop).ravel(), 1.0])[:3]])  # fmt: skip
+            points = np.array(
+                [
+                    (posed.bases[share.piece] @ [*matrix(share.start).ravel(), 1.0])[:3],
+                    (posed.pose(share.piece) @ [*matrix(share.stop).ravel(), 1.0])[:3],
+                ]
+            )
             outward = np.zeros_like(points)
         else:
             continue
-        if joined is not None and float(share.gain) < 0:
-            joined[0].append(points)
-            joined[1].append(outward)
-        else:
-            joined = ([points], [outward])
-            runs.append((joined, float(share.gain) > 0))
-    return [(np.concatenate(p), np.concatenate(o), chamber) for (p, o), chamber in runs]
+        chamber = float(share.gain) > 0
+        goes_on = runs and (not chamber or np.allclose(runs[-1][0][-1], points[0], rtol=0, atol=1e-9))
+        if goes_on:  # a cable is one, through rigid parts too; a chamber's sections are one where they touch
+            before, looks, _ = runs.pop()
+            points, outward = np.concatenate([before, points]), np.concatenate([looks, outward])
+        runs.append((points, outward, chamber))
+    return runs
 
 
 def _along(posed, share):
-    x = np.linspace(*share.part, 9)
+    x = np.linspace(*share.part, 13)
     first, last = (matrix(d).ravel() for d in share.ends)
     offsets = (1 - x)[:, None] * first + x[:, None] * last
     frames = np.array([posed.pose(share.piece, float(k)) for k in x])
@@ -211,7 +236,7 @@ def _along(posed, share):
 
 
 def strain_rows(robot, q):
-    """[(rod, s [k + 1], strains [k x 6])]: section boundaries [m] and xi - xi_bar of each section of each rod."""
+    """[(rod, s [k + 1], strains [k x 6])]: section boundaries [m], strains from straight of each rod."""
     posed, rows = Posed(robot, q), []
     straight = np.array([0, 0, 0, 1.0, 0, 0])
     for name, segment in robot.tree.segments.items():

@@ -19,7 +19,7 @@ SMALL = {  # SI unit of a miss: (value of one in SI, name), from large to small
 
 
 def readable(unit, *values):
-    """(value of one in SI, name) of the unit that suits the largest of the values; `Pa/m` by its two parts."""
+    """(value of one in SI, name) of the unit that suits the largest value; `Pa/m` by its two parts."""
     if "/" in unit and unit not in READABLE and unit != "1/m":
         above, _, below = unit.rpartition("/")
         (a, name_a), (b, name_b) = readable(above), readable(below)
@@ -46,7 +46,7 @@ def fixed(x, size, digits=5):
 
 def with_unit(x, unit, digits=4):
     """`104 kPa`: the number in the unit that suits it."""
-    one, name = readable(unit, x)
+    one, name = readable(unit, x or 1.0)
     return f"{number(x / one, digits)} {name}".rstrip()
 
 
@@ -57,4 +57,6 @@ def miss(x, unit):
         if abs(x) >= one:
             return f"{number(x / one)} {name}".rstrip()
     one, name = units[-1]
-    return f"{number(x, 2)}" if unit == "1" else f"below 1 {name}" if unit in SMALL else f"{number(x, 2)} {unit}"
+    return (
+        f"{number(x, 2)}" if unit == "1" else f"below 1 {name}" if unit in SMALL else f"{number(x, 2)} {unit}"
+    )

@@ -1,0 +1,126 @@
+"""`socontrol solve`: read, solve, compare with what is expected, write the result folder, print."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from socontrol.cli.console import console, progress
+from socontrol.cli.errors import INTERRUPTED, REJECTED, USAGE, interrupted, say, told, unexpected
+from socontrol.files.expectations import compare
+from socontrol.files.problem_file import question_of, read_problem, solve, with_solver
+from socontrol.files.result_file import json_of, refuse_foreign, save
+from socontrol.files.yaml_reader import FileError, UnreadableFile
+from socontrol.programs.result import Result, Status
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the flags say."""
+
+    output: Path
+    json: bool = False
+    overrides: tuple = ()
+    figures: bool = True
+    verify: bool = False
+    quiet: bool = False
+    verbose: int = 0
+
+
+def solve_all(problems, settings):
+    """Exit code of several problems, the largest of all; with `json` their documents as one list."""
+    stems = [path.stem for path in problems]
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if twice:
+        say(f"two problems are named '{twice}' and would share a result folder; solve them with a -o each")
+        return USAGE
+    code, documents = 0, []
+    for path in problems:
+        own, document = solve_one(path, settings)
+        code, documents = max(code, own), [*documents, document]
+        if own == INTERRUPTED:
+            break
+    if settings.json:
+        printed = documents if len(problems) > 1 else documents[0]
+        print(json.dumps(printed, indent=2, allow_nan=False, ensure_ascii=False))
+    return code
+
+
+def solve_one(path, settings):
+    """(exit code, JSON document) of one problem."""
+    try:
+        return _solved(path, settings)
+    except (FileError, UnreadableFile) as error:
+        code = told(error)
+        message = str(error)
+    except (Exception, KeyboardInterrupt) as error:  # one bad problem of several must not stop the others
+        if interrupted(error):
+            say(f"{path}: interrupted")
+            return INTERRUPTED, {"problem": str(path), "exit": INTERRUPTED, "error": "interrupted"}
+        code, message = unexpected(error, settings.verbose), f"unexpected {type(error).__name__}: {error}"
+    return code, {"problem": str(path), "exit": code, "error": message}
+
+
+def _solved(path, settings):
+    document = read_problem(path, settings.overrides)
+    question = question_of(document)
+    if settings.verify and not document.data.get("expect"):
+        raise document.error(("expect",), "missing key 'expect': --verify has nothing to compare with")
+    folder = settings.output / path.stem
+    refuse_foreign(folder)
+    with progress(path.stem, not settings.quiet) as show:
+        result = _answer(with_solver(question, keep_log=True), document, show)
+    comparisons = compare(document, result)
+    trouble = save(result, document, folder, comparisons, _draw if settings.figures else None)
+    if trouble:
+        say(trouble)
+    code = exit_code(result, comparisons, settings.verify)
+    _print(path, folder, result, comparisons, settings)
+    own = {"problem": str(path), "folder": str(folder), "exit": code}
+    return code, {**own, **json_of(result, document, comparisons)}
+
+
+def _answer(question, document, show):
+    """Result of the question; Ctrl-C outside the solver gives one without numbers."""
+    try:
+        return solve(question, document, show)
+    except (Exception, KeyboardInterrupt) as error:
+        if not interrupted(error):
+            raise
+        status = Status("interrupted", "Stopped by the user; run again to go on.")
+        return Result(name=question.name, type=document.data["type"], status=status, question=question)
+
+
+def _draw(result, folder):
+    from socontrol.report.plots import draw
+
+    return draw(result, folder)
+
+
+def exit_code(result, comparisons, verify):
+    """The result's own code; under `verify` an expected one counts as met, and a miss is a failed verification."""
+    own = result.status.exit_code
+    if not verify or own == INTERRUPTED:
+        return own
+    if any(not comparison.met for comparison in comparisons):
+        return max(own, REJECTED)
+    return 0 if any(comparison.name == "exit" for comparison in comparisons) else own
+
+
+def _print(path, folder, result, comparisons, settings):
+    """The answer on stdout; what went wrong, and where the result is, on stderr."""
+    silent = settings.quiet or settings.json
+    if not silent:
+        from socontrol.report.text import render
+
+        out = console()
+        render(result, out, settings.verbose)
+        for comparison in comparisons:
+            out.print(f"{'met' if comparison.met else 'MISSED':<7}{comparison.sentence}", soft_wrap=True)
+    elif not result.status.solved and not any(c.name == "exit" and c.met for c in comparisons):
+        say(f"{path}: {result.status.outcome}: {result.status.message}", own=False)
+    if settings.verify:
+        for comparison in comparisons:
+            if not comparison.met:
+                say(f"{path}: expect: {comparison.sentence}", own=False)
+    if not settings.quiet:
+        say(f"{folder}{'' if str(folder).endswith('/') else '/'} written")

@@ -1,0 +1,253 @@
+"""The robot of a result in space: unloaded and solved, inputs as coloured lines, goals, frames."""
+
+import numpy as np
+
+from socontrol.model.rods import Rod
+from socontrol.programs.goals import AxisDirection, Path, Point, Pose, Shape
+from socontrol.report import shapes, style
+from socontrol.report.scene import Scene, fit, paint, planes, project
+from socontrol.report.units import miss
+
+POSES = 7  # of a robot on a path
+DRAWN = 260  # points, about the size of the drawing in space
+
+
+def robot_figure(result):
+    """Figure in space with two projections; None without numbers to draw."""
+    question, q = result.question, result.arrays.get("q")
+    if q is None or not np.all(np.isfinite(q)):
+        return None
+    posed = shapes.Posed(question.loaded, q)
+    scene = Scene(up=_up(question.robot))
+    _add_before(scene, result, posed)
+    _add_robot(scene, posed, style.SOFT, 2)
+    scale = _add_inputs(scene, result, posed)
+    size = _size(scene)
+    legend = _add_goals(scene, result, posed, size)
+    for name in shapes.ends(question.robot):
+        scene.triad(posed.place(name), 0.11 * size)
+    scene.settle_unit()
+    return _composed(scene, result, posed, scale, legend)
+
+
+def _up(robot):
+    g = np.array([float(x) for x in robot.description.gravity])
+    return -g / np.linalg.norm(g) if np.any(g) else np.array([0, 0, 1.0])
+
+
+def _size(scene):
+    lower, upper = scene.box()
+    return float(np.max(upper - lower))
+
+
+def _add_robot(scene, posed, colour, layer, pale=False):
+    """Skins of rods, links and joints, and a plate where the robot stands."""
+    for name, segment in posed.robot.tree.segments.items():
+        if isinstance(segment, Rod):
+            scene.skin(shapes.rod_skin(posed, name), colour, layer)
+        else:
+            for part, skin in shapes.link_skins(posed, name):
+                tint = {"link": style.LINK, "joint": style.JOINT}[part]
+                scene.skin(skin, colour if pale else tint, layer)
+    if not pale:
+        _add_plates(scene, posed, layer)
+
+
+def _add_plates(scene, posed, layer):
+    for i, piece in enumerate(posed.pieces):
+        if piece.parent is None and (piece.is_rod or piece.size < 6):
+            g = posed.bases[i]
+            radius = 1.5 * (posed.end_radius(i, 0.0) or 2 * posed.slim)
+            axis = g[:3, 0] if piece.is_rod else scene.up
+            shift = 0.0 if piece.is_rod else 1.9 * posed.slim
+            top = g[:3, 3] - shift * axis
+            scene.skin(shapes.bar(top - 0.25 * radius * axis, top, radius), style.JOINT, layer)
+
+
+def _add_before(scene, result, posed):
+    """The unloaded shape, or for a path the robot at several of its waypoints."""
+    robot, path = result.question.loaded, result.arrays.get("path.q")
+    if path is not None and len(path) > 1:
+        last = len(path) - 1
+        steps = np.unique(np.round(np.linspace(0, last, POSES + 1)).astype(int))[:-1]
+        for k in steps:
+            _add_robot(scene, shapes.Posed(robot, path[k]), style.GHOST, 1, pale=True)
+        return
+    q = shapes.unloaded(robot)
+    for name, value in (result.question.coordinates or {}).items():
+        k = robot.coordinates.index(name)
+        q[k] = posed.q[k] if value is not None else q[k]
+    _add_robot(scene, shapes.Posed(robot, q), style.GHOST, 1, pale=True)
+
+
+def _add_inputs(scene, result, posed):
+    """Tendons and chambers in the colour of their input; the scale, or None without any."""
+    robot, u = result.question.robot, result.arrays["u"]
+    lines = {k: shapes.cables(posed, k) for k in range(robot.m)}
+    chosen = [k for k in lines if lines[k]]
+    if not chosen:
+        return None
+    scale = style.InputScale(result.question, u, chosen)
+    radii = [posed.end_radius(i, 0.0) for i, piece in enumerate(posed.pieces) if piece.is_rod]
+    thick = DRAWN * 2 * min(radii, default=np.inf) / _size(scene)  # points
+    for k in chosen:
+        for points, outward, chamber in lines[k]:
+            width = min(3.4, 0.1 * thick) if chamber else min(1.7, 0.07 * thick)
+            scene.stroke(points, scale.colour(k, u[k]), width=width, outward=outward, behind=style.SOFT)
+    return scale
+
+
+def _add_goals(scene, result, posed, size):
+    """Goals, and a line to each from what was reached when they differ; legend entries [(handle, text)]."""
+    from matplotlib.lines import Line2D
+
+    entries = []
+    ring = Line2D([], [], color=style.GOAL, marker="o", mfc="none", mew=1.6, ls="none")
+    for name, goal in (getattr(result.question, "goals", None) or {}).items():
+        numbers = np.array(result.details.get("targets", {}).get(f"target.{name}", ()), dtype=float).ravel()
+        if isinstance(goal, Path):
+            _add_path(scene, result, goal)
+            entries.append((Line2D([], [], color=style.GOAL, marker=".", lw=1), f"goal {name}: waypoints"))
+            continue
+        numbers = numbers if len(numbers) == len(goal.numbers()) else np.array(goal.numbers())
+        here = posed.place(goal.on, goal.at)
+        for point, reached in _spots(scene, goal, numbers, posed, here, size):
+            scene.mark(point, style.GOAL, size=9)
+            if np.linalg.norm(point - reached) > 1e-3 * size:
+                scene.stroke([reached, point], style.MISS, width=1.2, style="--", layer=9)
+                entries.append(
+                    (
+                        Line2D([], [], color=style.MISS, ls="--", lw=1.2),
+                        f"misses by {miss(np.linalg.norm(point - reached), 'm')}",
+                    )
+                )
+        entries.insert(0, (ring, f"goal {name}"))
+    return entries
+
+
+def _spots(scene, goal, numbers, posed, here, size):
+    """(target, reached) points of a goal; what else shows it is added to the scene."""
+    if isinstance(goal, Point):
+        point = here[:3, 3].copy()
+        point[goal.rows] = numbers
+        for k in set(range(3)) - set(goal.rows):
+            e = np.eye(3)[k] * 0.12 * size
+            scene.stroke([point - e, point + e], style.GOAL, width=1.0, style=":", layer=9)
+        return [(point, here[:3, 3])]
+    if isinstance(goal, Pose):
+        g = np.eye(4)
+        g[:3, :3], g[:3, 3] = _rotation(numbers[3:]), numbers[:3]
+        scene.triad(g, 0.16 * size, width=0.9)
+        return [(g[:3, 3], here[:3, 3])]
+    if isinstance(goal, AxisDirection):
+        start = here[:3, 3]
+        scene.stroke(
+            [start, start + 0.2 * size * numbers / np.linalg.norm(numbers)], style.GOAL, width=2.2, layer=9
+        )
+        return []
+    if isinstance(goal, Shape):
+        points = numbers.reshape(-1, 3)
+        return [(p, posed.place(goal.on, s.at)[:3, 3]) for p, s in zip(points, goal.target, strict=True)]
+    return []
+
+
+def _rotation(vector):
+    return shapes.exponential(np.concatenate([vector, np.zeros(3)]))[:3, :3]
+
+
+def _add_path(scene, result, goal):
+    points = np.array(result.arrays.get("path.target", goal.waypoints()))
+    scene.stroke(points, style.GOAL, width=1.6, layer=9)
+    track = result.arrays.get("path.tip")
+    solved = 0 if track is None else len(track)
+    if solved < len(points):
+        scene.mark(points[solved], style.MISS, marker="X", size=8)
+
+
+def _composed(scene, result, posed, scale, legend):
+    """The figure: space on the left, two projections on the right, keys below."""
+    lower, upper = scene.box()
+    span, shown = upper - lower, planes(scene)
+    (i, k), (j, m) = shown
+    beside = k == m and span[i] + span[j] < 2.4 * span[k]
+    figure = style.new_figure(9.2, 4.4 if beside else 5.2)
+    left, right = figure.subfigures(1, 2, width_ratios=[1, 1.1] if beside else [1.35, 1])
+    ratios = (
+        {"width_ratios": [span[i], span[j]]}
+        if beside
+        else {"height_ratios": [span[k] / span[i], span[m] / span[j]]}
+    )
+    panels = right.subplots(*((1, 2) if beside else (2, 1)), gridspec_kw=ratios)
+    for panel, plane in zip(panels, shown, strict=True):
+        panel.set_label("plane")
+        project(panel, scene, plane)
+        _add_gravity(panel, result.question.robot, plane)
+    space = left.add_axes([0.0, 0.1, 1.0, 0.9], projection="3d", label="space")
+    paint(space, scene, _azimuth(scene, posed), 18.0)
+    if scale is not None:
+        _add_scale(left, left.add_axes([0.2, 0.1, 0.6, 0.022], label="scale"), scale)
+    _add_legend(right, result, legend)
+    figure.suptitle(
+        f"{result.name}: {_solved_as(result, 'path.q' in result.arrays)}", x=0.01, ha="left", fontsize=10
+    )
+    box, foot = left.bbox, 0.17 if scale is not None else 0.02
+    fit(figure, space, (0.02 * box.width, foot * box.height, 0.96 * box.width, (0.93 - foot) * box.height))
+    return figure
+
+
+def _azimuth(scene, posed):
+    """A view 60 deg off the direction in which the robot reaches out sideways."""
+    v = scene.vertical()[0]
+    tips = [posed.place(name)[:3, 3] for name in shapes.ends(posed.robot)]
+    reach = max((t - posed.bases[0][:3, 3] for t in tips), key=np.linalg.norm)
+    a, b = reach[(v + 1) % 3], reach[(v + 2) % 3]
+    if np.hypot(a, b) < 0.05 * np.linalg.norm(reach):
+        return -60.0
+    return float(np.degrees(np.arctan2(b, a)) - 60.0)
+
+
+def _add_gravity(ax, robot, plane):
+    """An arrow that shows where things fall, where the plane can show it."""
+    g = np.array([float(x) for x in robot.description.gravity])[list(plane)]
+    if np.linalg.norm(g) < 1e-9:
+        return
+    x, y = 22 * g / np.linalg.norm(g) * np.array([1 - 2 * ax.xaxis_inverted(), 1 - 2 * ax.yaxis_inverted()])
+    ax.annotate(
+        "g",
+        (1.04, 0.9),
+        (-x, -y),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        annotation_clip=False,
+        ha="center",
+        va="center",
+        fontsize=8.5,
+        color=style.INK,
+        arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 1.0, "shrinkA": 1, "shrinkB": 0},
+    )
+
+
+def _add_scale(figure, ax, scale):
+    from matplotlib.cm import ScalarMappable
+
+    bar = figure.colorbar(ScalarMappable(scale.norm, scale.cmap), cax=ax, orientation="horizontal")
+    bar.set_label(f"input [{scale.name}]" if scale.unit else f"input, {scale.name}")
+    bar.outline.set_linewidth(0.4)
+
+
+def _add_legend(figure, result, entries):
+    from matplotlib.patches import Patch
+
+    on_path = "path.q" in result.arrays and len(result.arrays["path.q"]) > 1
+    handles = [
+        (Patch(fc=style.GHOST, ec="#b9c1c9", lw=0.6), "at other waypoints" if on_path else "unloaded"),
+        (Patch(fc=style.SOFT, ec="#888888", lw=0.6), _solved_as(result, on_path)),
+        *entries[:6],
+    ]
+    figure.legend(*zip(*handles, strict=True), loc="outside lower right", ncols=min(4, len(handles)))
+
+
+def _solved_as(result, on_path):
+    if result.status.outcome == "infeasible":
+        return "nearest posture"
+    return "at the last waypoint" if on_path else "solved" if result.status.solved else result.status.outcome
