@@ -29,7 +29,7 @@ def chamber(along, angle, length, pressure, limits):
 
 
 def modules(names=("low",), *, length=1.0, force=1.0, limits=(0.0, PRESSURE), sections=2, **changes):
-    """Pneumatic modules in a row with a cap at the end; `length`, `force`: a metre and a newton in other units."""
+    """Pneumatic modules in a row and a cap; `length`, `force`: a metre and a newton in other units."""
     pressure = force / length**2
     material = Linear(
         young_modulus=0.2e6 * pressure, poisson_ratio=0.5, density=1820.0 * force / length**3, viscosity=300.0

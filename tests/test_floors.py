@@ -37,7 +37,7 @@ FLOORS = [  # a name ending in "/" is every other module of that folder
     ["quantities"],
     ["records", "units"],
 ]
-FILES = [["problem_file", "result_file"], ["robot_file"], ["loader"]]  # inside files/, the rest below these
+FILES = [["result_file"], ["problem_file", "schemas"], ["robot_file", "expectations"], ["loader"]]  # inside files/, the rest below these
 FREE_INSIDE = {  # folders whose modules may import one another, without cycles
     "programs": "a problem type stands on others",
     "cli": "commands share their printing",

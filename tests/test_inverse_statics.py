@@ -35,7 +35,6 @@ from socontrol.programs.scaling import scales
 from socontrol.programs.solver import Ipopt
 from socontrol.quantities import Bad
 
-
 SHARES = (0.5, 0.2, 0.1, 0.3, 0.1, 0.4)  # of the full pressure
 
 
@@ -68,7 +67,7 @@ def point(g, **keys):
 
 
 def assert_trustworthy(result):
-    """Solved, within limits, balanced on independent paths, and where called stable a minimum of the energy."""
+    """Solved, within limits, balanced on independent paths, and, where called stable, of least energy."""
     result.require()
     robot, q, u = result.question.loaded, result.arrays["q"], result.arrays["u"]
     lower, upper = result.question.input_limits()
@@ -410,7 +409,8 @@ def middle():
 
 
 def circle(count):
-    return Circle(center=tuple(middle()), radius=0.004, normal=(1.0, 0.0, 0.0), start=(0.0, 1.0, 0.0), count=count)
+    along, side = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    return Circle(center=tuple(middle()), radius=0.004, normal=along, start=side, count=count)
 
 
 def around(*offsets):
@@ -447,7 +447,7 @@ def test_a_closed_path_returns_to_its_first_inputs():
 def test_a_path_with_an_orientation_holds_it():
     robot, _, _, g = tip_of("two", *[0.5] * 6)
     rotation = target_pose(g).rotation
-    points = around([0, 0, 0], [0, 2e-4, 0], [0, 2e-4, 2e-4])
+    points = around([0, 0, 0], [2e-4, 0, 0], [5e-4, 0, 0])
     result = ask(robot, {"trip": Path(on="cap", target=points, orientation=rotation)}).solve().require()
     for q, p in zip(result.arrays["path.q"], points, strict=True):
         reached = frame(robot, q, "cap")

@@ -601,10 +601,10 @@ def test_a_set_replaces_a_value_and_later_errors_name_it(load):
     with pytest.raises(FileError) as caught:
         after("segments.arm.length=3 kg")
     assert str(caught.value) == (
-        "--set segments.arm.length: segments.arm.length: 3 kg is a mass; a length is wanted, "
+        "--set segments.arm.length: 3 kg is a mass; a length is wanted, "
         "e.g. '50 mm' or 0.05"
     )
-    with pytest.raises(FileError, match="--set segments.arm.size: segments.arm.size: unknown key 'size'"):
+    with pytest.raises(FileError, match="--set segments.arm.size: unknown key 'size'"):
         after("segments.arm.size=3")
     with pytest.raises(FileError, match="^--set segments.arm: segments.arm.cross_section: missing key"):
         after("segments.arm={type: rod, length: 1}")

@@ -65,9 +65,7 @@ def followed():
 @pytest.fixture(scope="module")
 def rigid():
     arm = Revolute(axis=(0.0, 1.0, 0.0), tip=Placement(position=(0.2, 0.0, 0.0)), limits=(-2.0, 2.0))
-    robot = Robot(
-        Description(segments={"arm": arm}, actuators={"motor": JointTorque(joint="arm", limits=(-1.0, 1.0))})
-    )
+    robot = Robot(Description(segments={"arm": arm}, actuators={"motor": JointTorque(joint="arm", limits=(-1.0, 1.0))}))
     loads = {"tip": Wrench(on="arm", force=(0.0, 0.0, -1.0))}
     return Statics(robot=robot, name="lever", loads=loads, coordinates={"arm": 0.3}).solve()
 
@@ -110,9 +108,7 @@ def test_what_is_not_a_terminal_gets_no_colour(solved):
 
     plain, bright = io.StringIO(), io.StringIO()
     text.render(solved, Console(file=plain, width=80))
-    text.render(
-        solved, Console(file=bright, width=80, force_terminal=True, color_system="standard", no_color=False)
-    )
+    text.render(solved, Console(file=bright, width=80, force_terminal=True, color_system="standard", no_color=False))
     assert "\x1b" not in plain.getvalue() and "\x1b" in bright.getvalue()
 
 
@@ -182,24 +178,14 @@ def test_compound_units_are_read_part_by_part():
 # Figures
 
 
-def flat_axes(figure):
-    return [ax for ax in _axes(figure) if ax.get_label() == "plane"]
-
-
-def _axes(figure):
-    return [ax for part in (figure, *figure.subfigs) for ax in part.axes]
-
-
 def assert_one_scale(figure):
     """Every axes of space shows all its directions at one scale and names their unit."""
-    (space,) = [ax for ax in _axes(figure) if ax.get_label() == "space"]
+    (space,) = [ax for ax in figure.axes if ax.get_label() == "space"]
     spans = np.ptp([space.get_xlim(), space.get_ylim(), space.get_zlim()], axis=1)
-    np.testing.assert_allclose(
-        space._box_aspect / np.linalg.norm(space._box_aspect), spans / np.linalg.norm(spans)
-    )
+    np.testing.assert_allclose(space._box_aspect / np.linalg.norm(space._box_aspect), spans / np.linalg.norm(spans))
     for name in "xyz":
         assert getattr(space, f"get_{name}label")() in (f"{name} [mm]", f"{name} [m]")
-    flats = flat_axes(figure)
+    flats = [ax for ax in figure.axes if ax.get_label() == "plane"]
     assert len(flats) == 2
     for ax in flats:
         assert ax.get_aspect() == 1.0 and "[m" in ax.get_xlabel() and "[m" in ax.get_ylabel()
@@ -221,7 +207,7 @@ def test_every_axes_names_its_unit(name, request):
     result = request.getfixturevalue(name)
     for make in (plots.inputs_figure, plots.path_figure, plots.strains_figure):
         figure = make(result)
-        for ax in _axes(figure) if figure is not None else ():
+        for ax in figure.axes if figure is not None else ():
             labels = [ax.get_xlabel(), ax.get_ylabel()]
             assert any("[" in label for label in labels), labels
             assert all("[" in label for label in labels if label), labels

@@ -255,7 +255,7 @@ class SectionTable:
 
     def at(self, X):
         for left, right in zip(self.table, self.table[1:], strict=False):
-            if X <= right.at:
+            if right.at >= X:
                 return _between(left.section, right.section, (X - left.at) / (right.at - left.at))
         return self.table[-1].section
 

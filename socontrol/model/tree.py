@@ -46,7 +46,7 @@ class Tree:
         record, indices = self.segments[segment], self.of[segment]
         if isinstance(record, Rod):
             bounds = record.boundaries()
-            section = next((i for i in range(len(indices)) if X <= bounds[i + 1]), len(indices) - 1)
+            section = next((i for i in range(len(indices)) if bounds[i + 1] >= X), len(indices) - 1)
             x = (X - bounds[section]) / (bounds[section + 1] - bounds[section])
             return Frame(indices[section], x, ca.DM.eye(4))
         if X not in (0, 1):

@@ -94,7 +94,7 @@ class _Line:
             self.wrench = (Phi @ np.linalg.inv(Phi.T @ Phi))[:, line.degree]
 
     def force(self, look):
-        i, Phi, xi = self.piece, look.numbers.Phi[self.piece], look.strains[self.piece]
+        Phi, xi = look.numbers.Phi[self.piece], look.strains[self.piece]
         if issubclass(self.kind, RodLine):
             v = self.E @ xi + self.slopes
             if self.kind is NormalLine:

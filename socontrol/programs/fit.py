@@ -224,7 +224,7 @@ def _compared(question, balance, factor, theta):
     functions = balance.robot.functions(balance.parameters)
     pose = functions.pose(question.on, question.at).function
     axis = np.array(pose(np.zeros(balance.robot.n), theta))[:3, 0]
-    positions, tilts, status, q = [], [], Status("solved", ""), np.zeros(balance.robot.n)
+    positions, tilts, status = [], [], Status("solved", "")
     for row in question.measurements:
         answer = balance.solve(_inputs(question, row, factor), np.zeros(balance.robot.n), p=theta)
         if not answer.status.solved:

@@ -10,7 +10,7 @@ from socontrol.programs.result import Result, Status, Value
 def follow(solver, progress=None):
     """Result of an inverse-statics path: arrays q [N x n], u [N x m], tip [N x 3]; stops at the first unreachable point."""
     name, path = solver.path
-    waypoints, question = path.waypoints(), solver.question
+    waypoints = path.waypoints()
     began, warm, start, rows, attempts = time.perf_counter(), None, None, [], []
     last = None
     for k, waypoint in enumerate(waypoints):

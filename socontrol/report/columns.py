@@ -26,9 +26,7 @@ def columns(console, headers, rows):
     right = [header.endswith(">") for header in headers]
     titles = [header.removesuffix(">") for header in headers]
     widths = [max(len(t), *(len(row[k][0]) for row in cells)) for k, t in enumerate(titles)]
-    for row, tone in ([([(t, "") for t in titles], "dim")] if any(titles) else []) + [
-        (row, "") for row in cells
-    ]:
+    for row, tone in ([([(t, "") for t in titles], "dim")] if any(titles) else []) + [(row, "") for row in cells]:
         text = Text()
         for k, (cell, style) in enumerate(row):
             text.append(f"{cell:>{widths[k]}}" if right[k] else f"{cell:<{widths[k]}}", style=tone or style)

@@ -71,16 +71,12 @@ def fit_figure(result):
         ax.set_ylabel(f"{title} error [{unit}]")
         ax.grid(axis="y", color="#e6e9ed", lw=0.5)
         ax.set_axisbelow(True)
-    axes[1].set_xticks(
-        range(len(measurements)), [_name(row) for row in measurements], rotation=25, ha="right"
-    )
+    axes[1].set_xticks(range(len(measurements)), [_name(row) for row in measurements], rotation=25, ha="right")
     axes[1].set_xlim(-0.5, len(measurements) - 0.5)
     axes[1].set_xlabel("measured inputs")
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(names))
-    figure.suptitle(
-        f"{result.name}: errors by variant and factor on the inputs", x=0.01, ha="left", fontsize=10
-    )
+    figure.suptitle(f"{result.name}: errors by variant and factor on the inputs", x=0.01, ha="left", fontsize=10)
     return figure
 
 

@@ -53,8 +53,7 @@ def inputs_figure(result):
     if u is None:
         return None
     groups = {
-        unit: [k for k in range(robot.m) if robot.input_units[k] == unit]
-        for unit in dict.fromkeys(robot.input_units)
+        unit: [k for k in range(robot.m) if robot.input_units[k] == unit] for unit in dict.fromkeys(robot.input_units)
     }
     rows = [len(g) for g in groups.values()]
     figure = style.new_figure(6.4, 1.0 + sum(0.26 * r + 0.55 for r in rows))
@@ -136,9 +135,7 @@ def path_figure(result):
     u, robot = _inputs(result), result.question.robot
     units = list(dict.fromkeys(robot.input_units)) if u is not None else []
     figure = style.new_figure(9.2, 4.6)
-    grid = figure.add_gridspec(
-        len(units) + 1, 2, width_ratios=[1, 1.15], height_ratios=[*(2 for _ in units), 1]
-    )
+    grid = figure.add_gridspec(len(units) + 1, 2, width_ratios=[1, 1.15], height_ratios=[*(2 for _ in units), 1])
     _track(figure, grid[:, 0], np.asarray(target), result.arrays["path.tip"])
     shared = None
     for row, unit in enumerate(units):

@@ -114,10 +114,10 @@ def _add_goals(scene, result, posed, size):
         for point, reached in _spots(scene, goal, numbers, posed, here, size):
             scene.mark(point, style.GOAL, size=9)
             if np.linalg.norm(point - reached) > 1e-3 * size:
-                scene.stroke([reached, point], style.MISS, width=1.2, style="--", layer=9)
+                scene.stroke([reached, point], style.INK, width=1.2, style="--", layer=9)
                 entries.append(
                     (
-                        Line2D([], [], color=style.MISS, ls="--", lw=1.2),
+                        Line2D([], [], color=style.INK, ls="--", lw=1.2),
                         f"misses by {miss(np.linalg.norm(point - reached), 'm')}",
                     )
                 )
@@ -141,9 +141,7 @@ def _spots(scene, goal, numbers, posed, here, size):
         return [(g[:3, 3], here[:3, 3])]
     if isinstance(goal, AxisDirection):
         start = here[:3, 3]
-        scene.stroke(
-            [start, start + 0.2 * size * numbers / np.linalg.norm(numbers)], style.GOAL, width=2.2, layer=9
-        )
+        scene.stroke([start, start + 0.2 * size * numbers / np.linalg.norm(numbers)], style.GOAL, width=2.2, layer=9)
         return []
     if isinstance(goal, Shape):
         points = numbers.reshape(-1, 3)
@@ -173,9 +171,7 @@ def _composed(scene, result, posed, scale, legend):
     figure = style.new_figure(9.2, 4.4 if beside else 5.2)
     left, right = figure.subfigures(1, 2, width_ratios=[1, 1.1] if beside else [1.35, 1])
     ratios = (
-        {"width_ratios": [span[i], span[j]]}
-        if beside
-        else {"height_ratios": [span[k] / span[i], span[m] / span[j]]}
+        {"width_ratios": [span[i], span[j]]} if beside else {"height_ratios": [span[k] / span[i], span[m] / span[j]]}
     )
     panels = right.subplots(*((1, 2) if beside else (2, 1)), gridspec_kw=ratios)
     for panel, plane in zip(panels, shown, strict=True):
@@ -187,9 +183,7 @@ def _composed(scene, result, posed, scale, legend):
     if scale is not None:
         _add_scale(left, left.add_axes([0.2, 0.1, 0.6, 0.022], label="scale"), scale)
     _add_legend(right, result, legend)
-    figure.suptitle(
-        f"{result.name}: {_solved_as(result, 'path.q' in result.arrays)}", x=0.01, ha="left", fontsize=10
-    )
+    figure.suptitle(f"{result.name}: {_solved_as(result, 'path.q' in result.arrays)}", x=0.01, ha="left", fontsize=10)
     box, foot = left.bbox, 0.17 if scale is not None else 0.02
     fit(figure, space, (0.02 * box.width, foot * box.height, 0.96 * box.width, (0.93 - foot) * box.height))
     return figure

@@ -42,9 +42,7 @@ def _headline(result, console):
     message = result.status.message
     if result.details.get("unreachable"):
         message = message.partition(". ")[0].rstrip(".") + "."  # the table below says the rest
-    for k, part in enumerate(
-        textwrap.wrap(f"{result.name}: {message}", console.width, break_long_words=False)
-    ):
+    for k, part in enumerate(textwrap.wrap(f"{result.name}: {message}", console.width, break_long_words=False)):
         text = Text(part, style=tone)
         if k == 0 and part.startswith(f"{result.name}:"):
             text.stylize("default", 0, len(result.name) + 1)
@@ -71,9 +69,7 @@ def _limits(result):
 def _input_values(result):
     """[(name, SI value, unit)]."""
     return [
-        (key.removeprefix("inputs."), v.value, v.unit)
-        for key, v in result.values.items()
-        if key.startswith("inputs.")
+        (key.removeprefix("inputs."), v.value, v.unit) for key, v in result.values.items() if key.startswith("inputs.")
     ]
 
 
@@ -125,10 +121,7 @@ def _bar(console, low, high, lower, upper):
         return ""
     full, empty = ("#", ".") if console.options.ascii_only else ("\u2588", "\u2591")
     signed = lower < 0 < upper
-    shares = [
-        (x / upper if x >= 0 else -x / lower) if signed else (x - lower) / (upper - lower)
-        for x in (low, high)
-    ]
+    shares = [(x / upper if x >= 0 else -x / lower) if signed else (x - lower) / (upper - lower) for x in (low, high)]
     percent = " to ".join(dict.fromkeys(f"{100 * s:.0f}".replace("-0", "0") for s in shares))
     if signed:
         half = BAR // 2
@@ -284,9 +277,7 @@ def _unreachable(result, console):
                     (row["name"], "bold"),
                     row["side"],
                     with_unit(row["limit"], row["unit"]),
-                    "not by this limit alone"
-                    if row["needed"] is None
-                    else with_unit(row["needed"], row["unit"]),
+                    "not by this limit alone" if row["needed"] is None else with_unit(row["needed"], row["unit"]),
                 ]
                 for row in rows
             ],
@@ -314,9 +305,7 @@ def _prescribed(result, console):
     rows = [
         [
             (name, "bold"),
-            with_unit(v.value, v.unit)
-            if v.unit != "conjugate"
-            else f"{v.value:.4g} (SI, strain's conjugate)",
+            with_unit(v.value, v.unit) if v.unit != "conjugate" else f"{v.value:.4g} (SI, strain's conjugate)",
         ]
         for name, v in holding.items()
     ]
@@ -364,9 +353,7 @@ def _more(result, console, verbose):
         robot = result.question.robot
         rows = [
             [(name, "bold"), f"{x:.6g}", unit if unit != "1" else ""]
-            for name, unit, x in zip(
-                robot.coordinates, robot.coordinate_units, result.arrays["q"], strict=True
-            )
+            for name, unit, x in zip(robot.coordinates, robot.coordinate_units, result.arrays["q"], strict=True)
         ]
         if rows:
             columns(console, ["coordinate", "value>", "unit"], rows)

@@ -57,6 +57,4 @@ def miss(x, unit):
         if abs(x) >= one:
             return f"{number(x / one)} {name}".rstrip()
     one, name = units[-1]
-    return (
-        f"{number(x, 2)}" if unit == "1" else f"below 1 {name}" if unit in SMALL else f"{number(x, 2)} {unit}"
-    )
+    return f"{number(x, 2)}" if unit == "1" else f"below 1 {name}" if unit in SMALL else f"{number(x, 2)} {unit}"

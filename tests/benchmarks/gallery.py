@@ -94,13 +94,21 @@ def reach():
     return so.solve(so.load_problem(ROOT / "problems" / "stiff_flop_reach.yaml"))
 
 
+PICTURES = (  # a result, and those of its figures to keep
+    (reach, ("robot", "inputs")),
+    (mini_circle, ("robot", "path")),
+    (unreachable, ("robot",)),
+)
+
+
 def main(folder=GALLERY):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for result in (reach(), mini_circle(), unreachable()):
+    for make, kept in PICTURES:
+        result = make()
         print(f"{result.name}: {result.status.message}")
         with tempfile.TemporaryDirectory() as temporary:
-            for path in draw(result, temporary):
+            for path in (p for p in draw(result, temporary) if p.stem in kept):
                 (folder / f"{result.name}_{path.name}").write_bytes(path.read_bytes())
     with mpl.rc_context(style.STYLE):
         for load, slope in convergence(folder / "error_against_sections.png").items():
