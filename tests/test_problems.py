@@ -18,7 +18,8 @@ from socontrol.programs.inverse_statics import InverseStatics
 
 ROOT = Path(__file__).parents[1]
 PROBLEMS = {str(p.relative_to(ROOT / "problems"))[:-5]: p for p in sorted((ROOT / "problems").rglob("*.yaml"))}
-ROBOTS = {str(p.relative_to(ROOT / "configs/robots"))[:-5]: p for p in sorted((ROOT / "configs/robots").rglob("*.yaml"))}
+CONFIGS = ROOT / "configs"
+ROBOTS = {str(p.relative_to(CONFIGS / "robots"))[:-5]: p for p in sorted((CONFIGS / "robots").rglob("*.yaml"))}
 SHOWCASE = [
     "elastica",
     "hybrid_arm_reach",
@@ -148,18 +149,18 @@ def functions(name):
     return so.load_robot(ROBOTS[name]).functions()
 
 
-@pytest.mark.parametrize("name", sorted(p.stem for p in (ROOT / "configs/solvers").glob("*.yaml")))
+@pytest.mark.parametrize("name", sorted(p.stem for p in (CONFIGS / "solvers").glob("*.yaml")))
 def test_a_solver_file_is_read(name):
     from socontrol.files.problem_file import load_solver
 
-    assert load_solver(ROOT / "configs/solvers" / f"{name}.yaml").tolerance <= 1e-8
+    assert load_solver(CONFIGS / "solvers" / f"{name}.yaml").tolerance <= 1e-8
 
 
 # What the numbers say about the machines
 
 
 def test_inflating_a_pair_bends_the_module_as_measured():
-    """S.M.H. Sadati, TMTDyn (2019): near 36, 27 and 36 kPa the tip stood at these (x, y) in mm; 5/4 is the source's factor."""
+    """S.M.H. Sadati, TMTDyn (2019): pressure in kPa, (x, y) of the tip in mm; 5/4 is the factor of his figures."""
     measured = {"p0": (35.7, (0.04, -9.25)), "p1": (27.0, (-5.12, 3.08)), "p2": (36.1, (7.73, 4.18))}
     for pair, (pressure, tip) in measured.items():
         problem = so.problem(

@@ -38,6 +38,8 @@ class Look:
             units = ["rad" if unit == "N m" else "m" for unit in robot.input_units]
             for name, unit, x in zip(robot.inputs, units, lengths, strict=True):
                 values[f"lengths.{name}"] = Value(float(x), unit)
+        for segment, wrench in self._checker.reactions(q).items():
+            values[f"reaction.{segment}"] = Value(wrench.tolist(), "N m, N")
         elastic, gravitational = np.array(f.energy(q)).ravel()
         values["energy.elastic"] = Value(float(elastic), "J")
         values["energy.gravitational"] = Value(float(gravitational), "J")

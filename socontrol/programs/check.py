@@ -46,6 +46,15 @@ class Checker:
         external, actuation = look.external(), look.actuation(u)
         return elastic - external - actuation, elastic, external, actuation
 
+    def reactions(self, q):
+        """{segment: wrench [6] on it from what carries it, in its base frame} for joints and what stands on the world."""
+        look, found = _Look(self, np.asarray(q, dtype=float).ravel()), {}
+        look.external()
+        for i, piece in enumerate(self.pieces):
+            if piece.index == 0 and (piece.parent is None or not piece.is_rod):
+                found[piece.segment] = -adjoints(look.bases[i][None])[0].T @ look.carried[i]
+        return found
+
     @cached_property
     def _elastic(self):
         q = ca.SX.sym("q", self.robot.n)
@@ -131,7 +140,7 @@ class _Look:
 
     def external(self):
         """Generalised force [n] of all loads: wrenches gathered tip to base, each piece moved by its own twists."""
-        Q, carried = np.zeros(self.numbers.robot.n), [np.zeros(6) for _ in self.pieces]
+        Q, self.carried = np.zeros(self.numbers.robot.n), [np.zeros(6) for _ in self.pieces]
         hanging = [[] for _ in self.pieces]  # (place, wrench) of what stands on a piece
         for load in self.numbers.loads:
             F = load.wrenches(self.poses(load.piece, load.x))
@@ -143,9 +152,9 @@ class _Look:
                 F = np.array([wrench for _, wrench in hanging[i]])
                 if piece.size:
                     Q[piece.columns] = np.einsum("kij,ki->j", self.motions(i, x), F)
-                carried[i] = F.sum(axis=0)
+                self.carried[i] = F.sum(axis=0)
             if piece.parent is not None:
-                hanging[piece.parent].append((piece.place, carried[i]))
+                hanging[piece.parent].append((piece.place, self.carried[i]))
         return Q
 
     def actuation(self, u):

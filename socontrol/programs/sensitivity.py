@@ -12,7 +12,7 @@ import numpy as np
 
 from socontrol.programs.result import Value
 
-CLOSE = 1e-6  # scaled distance or multiplier below which a limit counts as undecided
+CLOSE = 10.0  # times the root of the solver's tolerance: an interior point leaves distance x multiplier about there
 SINGULAR = 1e-12  # reciprocal condition number of the scaled KKT matrix
 
 
@@ -69,7 +69,8 @@ def _held(program, outcome, solver):
     fixed = upper - lower <= 0
     distance = np.minimum(np.abs(x - lower), np.abs(upper - x))
     multiplier = np.abs(lam)
-    undecided = ~fixed & (distance < CLOSE) & (multiplier < CLOSE)
+    close = CLOSE * np.sqrt(solver.question.solver.tolerance)
+    undecided = ~fixed & (distance < close) & (multiplier < close)
     if undecided.any():
         i = int(np.argmax(undecided))
         raise Degenerate(f"'{_name(program, solver, i)}' is just touching its limit: the answer has a kink here")

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.programs.result import Status
-from socontrol.quantities import Bad, Count, Flag, Integer, OneOf, PositiveNumber, Second, record
+from socontrol.quantities import Bad, Count, Flag, Integer, OneOf, PositiveNumber, Second, record, show
 
 
 @record(kw_only=True)
@@ -35,6 +35,9 @@ class Ipopt:
         for key in ("max_seconds", "starts"):
             if getattr(self, key) < 0:
                 raise Bad(key, f"{getattr(self, key)} is negative")
+        for name, value in (self.options or {}).items():
+            if reason := _refusal(name, value):
+                raise Bad(f"options.{name}", reason)
 
     def plugin_options(self):
         """Options for ca.nlpsol."""
@@ -55,6 +58,20 @@ class Ipopt:
             "print_level": 5,
         }
         return {**own, **(self.options or {})}
+
+
+def _refusal(name, value):
+    """Why Ipopt would not take an option, or None."""
+    if name == "linear_solver":
+        return "give `linear_solver` beside `options`, not in it"
+    x = ca.SX.sym("x")
+    try:
+        with captured():
+            ca.nlpsol("options", "ipopt", {"x": x, "f": x**2}, {"ipopt": {name: value, "sb": "yes"}})
+    except Exception as error:  # casadi raises RuntimeError and NotImplementedError, by the type of the value
+        unknown = "No such IPOPT option" in str(error)
+        return "Ipopt has no option of this name" if unknown else f"Ipopt does not take {show(value)} for this option"
+    return None
 
 
 SOLVERS = {"ipopt": Ipopt}
@@ -192,7 +209,7 @@ class NLP:
 
 
 class captured:
-    """Redirects file descriptor 1 to a file while the solver runs, so that its log is kept and stdout stays clean."""
+    """Redirects file descriptor 1 and sys.stdout to a file while the solver runs: CasADi writes to either."""
 
     def __init__(self, active=True):
         self.active = active
@@ -200,18 +217,21 @@ class captured:
     def __enter__(self):
         self._text = ""
         if self.active:
-            self._file = tempfile.TemporaryFile()
-            sys.stdout.flush()
+            self._file = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
+            self._own = sys.stdout
+            self._own.flush()
             self._saved = os.dup(1)
             os.dup2(self._file.fileno(), 1)
+            sys.stdout = self._file
         return lambda: self._text
 
     def __exit__(self, *error):
         if self.active:
-            sys.stdout.flush()
+            self._file.flush()
+            sys.stdout = self._own
             os.dup2(self._saved, 1)
             os.close(self._saved)
             self._file.seek(0)
-            self._text = self._file.read().decode(errors="replace")
+            self._text = self._file.read()
             self._file.close()
         return False

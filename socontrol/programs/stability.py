@@ -18,6 +18,7 @@ class Stability:
     smallest: float
     conservative: bool
     sentence: str
+    word: str = "stable"
 
 
 def stability(tangent, scales, conservative, free=None):
@@ -34,4 +35,4 @@ def stability(tangent, scales, conservative, free=None):
         smallest = float(np.min(np.linalg.eigvals(K).real))
         kind = "smallest real part of the scaled tangent's eigenvalues (follower load: divergence only, not flutter)"
     word = "stable" if smallest > 1e-9 else "marginal" if smallest > -1e-9 else "UNSTABLE"
-    return Stability(smallest > 1e-9, smallest, conservative, f"{word}, {kind} {smallest:.3g}")
+    return Stability(smallest > 1e-9, smallest, conservative, f"{word}, {kind} {smallest:.3g}", word)

@@ -63,6 +63,8 @@ def looked_at(result, look, free, prescribed, residuals=None):
     elif judged and collapsed:
         status = Status("rejected", f"Collapsed or over-bent: {', '.join(collapsed)}; bound the strains or use more sections.")
     stable = look.stability(q, u, free)
+    if status.solved and not stable.stable:
+        status = Status("solved", f"{status.message} The equilibrium is {stable.word}: a disturbance may carry it away.")
     details = {**result.details, "stability": stable.sentence, "stable": stable.stable,
                "limits": look.limits_reached(q, u)}  # fmt: skip
     values = {**result.values, **look.values(q, u)}

@@ -120,6 +120,7 @@ def _bars(ax, result, u, unit, chosen):
     ax.set_ylim(len(chosen) - 0.4, -0.6)
     ax.set_xlabel(f"{QUANTITY.get(unit, 'input')} [{name}]")
     left, right = ax.dataLim.intervalx
+    right = right if right > left else left + 1.0  # no limit and no value to span an axis
     ax.set_xlim(left - (0.16 if left < 0 else 0.015) * (right - left), right + 0.22 * (right - left))
     ax.tick_params(axis="y", length=0)
 

@@ -45,6 +45,8 @@ def _add_robot(scene, posed, colour, layer, pale=False):
     for name, segment in posed.robot.tree.segments.items():
         if isinstance(segment, Rod):
             scene.skin(shapes.rod_skin(posed, name), colour, layer)
+            for skin in shapes.mount(posed, posed.robot.tree.of[name][0], posed.slim):
+                scene.skin(skin, colour if pale else style.LINK, layer)
         else:
             for part, skin in shapes.link_skins(posed, name):
                 tint = {"link": style.LINK, "joint": style.JOINT}[part]

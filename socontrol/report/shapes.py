@@ -159,6 +159,15 @@ def rod_skin(posed, segment):
     return sweep(frames, [outline(section_at(profile, x)) for x in X])
 
 
+def mount(posed, i, radius):
+    """Skins of the rigid part between a piece and what carries it; none where they touch."""
+    piece, base = posed.pieces[i], posed.bases[i][:3, 3]
+    if piece.parent is None:
+        return []
+    stand = posed.pose(piece.parent, piece.place)[:3, 3]
+    return [bar(stand, base, radius)] if np.linalg.norm(base - stand) > posed.slim / 4 else []
+
+
 def link_skins(posed, segment):
     """[(part, skin)] of a joint: part is `link` for what is rigid and `joint` for what turns or slides."""
     i = posed.robot.tree.of[segment][0]
@@ -166,12 +175,10 @@ def link_skins(posed, segment):
     base, moved = posed.bases[i], posed.pose(i)
     end, parts = moved @ matrix(piece.end), []
     carried = posed.end_radius(piece.parent, piece.place)
-    stand = np.eye(4) if piece.parent is None else posed.pose(piece.parent, piece.place)
     radius = 0.6 * carried if carried and piece.size == 0 else slim
-    spans = [(moved[:3, 3], end[:3, 3])] + [(stand[:3, 3], base[:3, 3])] * (piece.parent is not None)
-    for a, b in spans:
-        if np.linalg.norm(b - a) > slim / 4:
-            parts.append(("link", bar(a, b, radius)))
+    parts += [("link", skin) for skin in mount(posed, i, radius)]
+    if np.linalg.norm(end[:3, 3] - moved[:3, 3]) > slim / 4:
+        parts.append(("link", bar(moved[:3, 3], end[:3, 3], radius)))
     body = piece.record.body
     if body is not None:
         com = (moved @ np.array([*map(float, body.com), 1.0]))[:3]

@@ -1,7 +1,6 @@
 """Draw the pictures of the README into problems/gallery: `python tests/benchmarks/gallery.py [FOLDER]`.
 
-- the STIFF-FLOP module of the first example;
-- the miniature STIFF-FLOP arm on a circle of 20 mm radius (a published test path), and asked for too much;
+- figures of shipped problems;
 - the error of constant-strain sections against their number, for a cantilever with a dead load at its tip.
 """
 
@@ -18,8 +17,6 @@ from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle
-from socontrol.programs import goals
-from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.statics import Statics
 from socontrol.report import style
 from socontrol.report.plots import draw, save
@@ -75,37 +72,19 @@ def convergence(path):
     return slopes
 
 
-def mini_circle():
-    """The miniature arm follows a circle below its base."""
-    robot = so.load_robot(ROOT / "configs" / "robots" / "stiff_flop_mini.yaml")
-    circle = goals.Circle(center=(0.0, 0.0, 0.11), radius=0.02, count=36)
-    goal = goals.Path(on=robot.segments[-1], target=circle)
-    return InverseStatics(robot=robot, name="stiff_flop_mini_circle", goals={"tip": goal}).solve()
-
-
-def unreachable():
-    """The same arm asked for a point beside its workspace."""
-    robot = so.load_robot(ROOT / "configs" / "robots" / "stiff_flop_mini.yaml")
-    goal = goals.Point(on=robot.segments[-1], target=(0.06, 0.03, 0.1))
-    return InverseStatics(robot=robot, name="stiff_flop_mini_unreachable", goals={"tip": goal}).solve()
-
-
-def reach():
-    return so.solve(so.load_problem(ROOT / "problems" / "stiff_flop_reach.yaml"))
-
-
-PICTURES = (  # a result, and those of its figures to keep
-    (reach, ("robot", "inputs")),
-    (mini_circle, ("robot", "path")),
-    (unreachable, ("robot",)),
-)
+PICTURES = {  # problem file: those of its figures to keep
+    "stiff_flop_reach": ("robot", "inputs"),
+    "stiff_flop_mini_circle": ("robot", "path"),
+    "stiff_flop_unreachable": ("robot",),
+    "stiff_flop_measured": ("fit",),
+}
 
 
 def main(folder=GALLERY):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for make, kept in PICTURES:
-        result = make()
+    for name, kept in PICTURES.items():
+        result = so.solve(so.load_problem(ROOT / "problems" / f"{name}.yaml"))
         print(f"{result.name}: {result.status.message}")
         with tempfile.TemporaryDirectory() as temporary:
             for path in (p for p in draw(result, temporary) if p.stem in kept):
