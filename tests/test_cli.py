@@ -26,8 +26,19 @@ ARM = """
 schema_version: 1
 name: arm
 segments:
-  upper: {type: revolute, axis: [0, 1, 0], stiffness: 2, body: {mass: 0.1, com: [0.1, 0, 0]}, tip: {position: [0.2, 0, 0]}}
-  lower: {type: revolute, parent: upper, axis: [0, 1, 0], stiffness: 1, body: {mass: 0.1, com: [0.05, 0, 0]}, tip: {position: [0.1, 0, 0]}}
+  upper:
+    type: revolute
+    axis: [0, 1, 0]
+    stiffness: 2
+    body: {mass: 0.1, com: [0.1, 0, 0]}
+    tip: {position: [0.2, 0, 0]}
+  lower:
+    type: revolute
+    parent: upper
+    axis: [0, 1, 0]
+    stiffness: 1
+    body: {mass: 0.1, com: [0.05, 0, 0]}
+    tip: {position: [0.1, 0, 0]}
 actuators:
   m0: {type: joint_torque, joint: upper, limits: [-1, 1]}
   m1: {type: joint_torque, joint: lower, limits: [-1, 1]}
@@ -104,9 +115,9 @@ def test_result_json_holds_what_was_found(folder, socontrol):
 
 
 def test_the_resolved_problem_gives_the_same_answer(folder, socontrol):
-    solve(socontrol, "reach.yaml", "--set", "robot.segments.upper.stiffness=2.1", "--set", "goals.tip.target.0=26 cm")
+    solve(socontrol, "reach.yaml", "--set", "robot.segments.upper.stiffness=1.9", "--set", "goals.tip.target.0=27.1 cm")
     resolved = folder / "results/reach/problem.resolved.yaml"
-    assert "stiffness: 2.1" in resolved.read_text() and "26 cm" in resolved.read_text()
+    assert "stiffness: 1.9" in resolved.read_text() and "27.1 cm" in resolved.read_text()
     code, out, _ = solve(socontrol, resolved, "--json", "-o", "again")
     first = json.loads((folder / "results/reach/result.json").read_text())
     second = json.loads(out)
@@ -131,8 +142,8 @@ def test_a_file_and_python_give_the_same_answer(folder, socontrol):
         "segments": {
             "upper": {"type": "revolute", "axis": [0, 1, 0], "stiffness": 2, "body": {"mass": 0.1, "com": [0.1, 0, 0]},
                       "tip": {"position": [0.2, 0, 0]}},
-            "lower": {"type": "revolute", "parent": "upper", "axis": [0, 1, 0], "stiffness": 1, "body": {"mass": 0.1, "com": [0.05, 0, 0]},
-                      "tip": {"position": [0.1, 0, 0]}},
+            "lower": {"type": "revolute", "parent": "upper", "axis": [0, 1, 0], "stiffness": 1,
+                      "body": {"mass": 0.1, "com": [0.05, 0, 0]}, "tip": {"position": [0.1, 0, 0]}},
         },
     }  # fmt: skip
     result = so.solve(so.problem({"type": "statics", "robot": arm}))
@@ -180,25 +191,26 @@ def test_bad_files_exit_3_and_write_nothing(folder, socontrol):
     code, out, err = solve(socontrol, "bad.yaml")
     assert (code, out) == (3, "")
     assert err == "bad.yaml:5: goals.tip.on: unknown segment 'lowr'; did you mean 'lower'?\n"
-    (folder / "arm.yaml").write_text(ARM.lstrip().replace("mass: 0.1, com", "mass: 0.1 m, com"))
+    (folder / "arm.yaml").write_text(ARM.lstrip().replace("mass: 0.1, com: [0.1", "mass: 0.1 m, com: [0.1"))
     code, out, err = solve(socontrol, "reach.yaml")
-    assert code == 3 and err.startswith("arm.yaml:4: segments.upper.body.mass: 0.1 m is a length; a mass is wanted")
+    assert code == 3 and err.startswith("arm.yaml:8: segments.upper.body.mass: 0.1 m is a length; a mass is wanted")
     assert not (folder / "results").exists()
 
 
 def test_a_type_that_is_not_built_yet_is_refused_with_a_sentence(folder, socontrol):
     code, _, err = solve(socontrol, "reach.yaml", "--set", "type=trajectory")
     assert code == 3
-    assert re.fullmatch(r"--set type: 'trajectory' \(planned motions\) is not built yet; this version answers .*\n", err)
+    assert re.fullmatch(r"--set type: 'trajectory' \(planned motions\) is not built yet; this version .*\n", err)
 
 
 def test_a_robot_file_is_no_problem_and_says_so(folder, socontrol):
     code, _, err = solve(socontrol, "arm.yaml")
-    assert (code, err) == (3, "arm.yaml:3: segments: this is a robot; a problem file asks something of one (`robot: PATH`)\n")
+    sentence = "this is a robot; a problem file asks something of one (`robot: PATH`)"
+    assert (code, err) == (3, f"arm.yaml:3: segments: {sentence}\n")
 
 
 def test_a_joint_that_nothing_holds_is_a_bad_file(folder, socontrol):
-    (folder / "arm.yaml").write_text(ARM.replace("[0, 1, 0], stiffness: 2", "[0, 0, 1]").lstrip())
+    (folder / "arm.yaml").write_text(ARM.replace("[0, 1, 0]\n    stiffness: 2", "[0, 0, 1]").lstrip())
     (folder / "hang.yaml").write_text(HANG.replace("type: statics", "type: statics\ninputs: {m0: 0.1}").lstrip())
     code, _, err = solve(socontrol, "hang.yaml")
     assert code == 3 and "hang.yaml:2: type: nothing holds upper, so" in err
@@ -278,7 +290,8 @@ def test_a_missing_tool_exits_8(socontrol, monkeypatch):
 
 
 def test_ctrl_c_exits_130_with_a_result_folder(folder):
-    path = "{type: path, on: lower, target: {center: [0.2, 0, 0], radius: 0.05, normal: [0, 1, 0], count: 9000}, weight: 1}"
+    circle = "{center: [0.2, 0, 0], radius: 0.05, normal: [0, 1, 0], count: 9000}"
+    path = f"{{type: path, on: lower, target: {circle}, weight: 1}}"
     (folder / "long.yaml").write_text(REACH.lstrip().split("goals:")[0] + "goals:\n  tip: " + path)
     command = [sys.executable, "-c", "from socontrol.cli import main; main()", "solve", "long.yaml", "--no-figures"]
     running = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -367,7 +380,8 @@ def test_expectations_are_printed_and_verified(folder, socontrol):
     assert code == 0 and out.count("\nmet ") + out.startswith("met ") == 2
     code, out, err = solve(socontrol, "hang.yaml", "--verify", "--set", "expect.residuals.force.value=1")
     assert code == 7 and "MISSED residuals.force: " in out
-    assert re.search(r"^hang.yaml: expect: residuals.force: \S+ found, 1 within 1e-08 expected \(equilibrium\)$", err, re.M)
+    miss = r"^hang.yaml: expect: residuals.force: \S+ found, 1 within 1e-08 expected \(equilibrium\)$"
+    assert re.search(miss, err, re.M)
     code, out, err = solve(socontrol, "hang.yaml", "--set", "expect.residuals.force.value=1")
     assert code == 0 and "MISSED" in out and "expect" not in err, "without --verify a miss is only printed"
     assert json.loads((folder / "results/hang/result.json").read_text())["expect"][1]["met"] is False
@@ -386,7 +400,8 @@ def test_values_may_carry_units_and_are_compared_number_by_number(folder, socont
     good = "{value: [270 mm, null, 5 cm], tolerance: 1 um, source: the goal}"
     bad = good.replace("5 cm", "4 cm")
     for entry, code in ((good, 0), (bad, 7)):
-        assert solve(socontrol, "reach.yaml", "--verify", "--set", f"expect={{values.lower.position: {entry}}}")[0] == code
+        expect = f"expect={{values.lower.position: {entry}}}"
+        assert solve(socontrol, "reach.yaml", "--verify", "--set", expect)[0] == code
 
 
 @pytest.mark.parametrize("expect, words", [
@@ -398,7 +413,7 @@ def test_values_may_carry_units_and_are_compared_number_by_number(folder, socont
     ("{exit: 9}", "9 is given; an exit code is wanted: 0, 4, 5, 6, 7 or 130"),
     ("{status.outcome: {value: fine, source: x}}", "unknown outcome 'fine'"),
     ("{values.lower.position: {value: 1, tolerance: 1, source: x}}", "1.0 is given; the answer has a list of 3"),
-    ("{values.lower.position: {value: [1, 2], tolerance: 1, source: x}}", "a list of 2 is given; the answer has a list"),
+    ("{values.lower.position: {value: [1, 2], tolerance: 1, source: x}}", "a list of 2 is given; the answer has"),
     ("{values.lower.position: {value: [1 kg, 2, 3], tolerance: 1, source: x}}", "1 kg is a mass; a length is wanted"),
 ])  # fmt: skip
 def test_an_expectation_that_cannot_be_compared_is_a_bad_file(folder, socontrol, expect, words):
@@ -549,7 +564,12 @@ def test_new_writes_files_that_solve(folder, socontrol):
     assert socontrol("new", "half")[0] == 2 and os.listdir(folder / "half") == ["problem.yaml"]
 
 
-@pytest.mark.parametrize("path", sorted([*ROOT.glob("configs/**/*.yaml"), *ROOT.glob("problems/*.yaml")]), ids=lambda p: p.stem)
+ROBOTS = sorted(ROOT.glob("configs/robots/**/*.yaml"))
+SOLVERS = sorted(ROOT.glob("configs/solvers/*.yaml"))
+PROBLEMS = sorted(ROOT.glob("problems/*.yaml"))
+
+
+@pytest.mark.parametrize("path", [*ROBOTS, *SOLVERS, *PROBLEMS], ids=lambda p: p.stem)
 def test_every_shipped_file_is_sound(socontrol, path):
     code, out, err = socontrol("check", path)
     assert code == 0 and err == "" and out.count("\n") == 1
@@ -603,14 +623,17 @@ def test_list_shows_every_kind_of_every_family(socontrol):
             assert re.search(rf"^{name}\s", out, re.M), f"{family}: {name}"
 
 
-@pytest.mark.parametrize("kind, path", [("robot", "configs/robot.schema.json"), ("problem", "problems/problem.schema.json")])
+SCHEMAS = {"robot": "configs/robot.schema.json", "problem": "problems/problem.schema.json"}
+
+
+@pytest.mark.parametrize("kind, path", SCHEMAS.items())
 def test_the_schema_is_up_to_date(socontrol, kind, path):
     code, out, _ = socontrol("schema", kind)
     assert code == 0 and out == schema_text(kind)
     assert (ROOT / path).read_text() == out, f"run: socontrol schema {kind} > {path}"
 
 
-@pytest.mark.parametrize("path", sorted([*ROOT.glob("configs/robots/**/*.yaml"), *ROOT.glob("problems/*.yaml")]), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", [*ROBOTS, *PROBLEMS], ids=lambda p: p.stem)
 def test_shipped_files_name_their_schema(path):
     first = path.read_text().splitlines()[0]
     match = re.fullmatch(r"# yaml-language-server: \$schema=(\S+)", first)

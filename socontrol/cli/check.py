@@ -36,7 +36,8 @@ def summary(path, overrides=()):
     for text in overrides:
         document = override(document, text)
     if kind == "solver":
-        return f"solver {document.data['type']}: tolerance {solver_of(document).tolerance:g}"
+        solver = solver_of(document)
+        return f"solver {document.data['type']}: tolerance {solver.tolerance:g}"
     return _robot(robot_of(document))
 
 

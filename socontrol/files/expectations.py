@@ -66,7 +66,8 @@ def check_expectations(document):
         elif key == "status.outcome":
             entry = validate(ExpectedOutcome, given, document, path)
             if entry.value not in OUTCOMES:
-                raise document.error((*path, "value"), f"unknown outcome '{entry.value}'{nearest(entry.value, OUTCOMES)}")
+                near = nearest(entry.value, OUTCOMES)
+                raise document.error((*path, "value"), f"unknown outcome '{entry.value}'{near}")
         elif key.partition(".")[0] in ("values", "residuals") and key.partition(".")[2]:
             entry = validate(Expectation, given, document, path)
             _check_numbers(entry.value, document, (*path, "value"))

@@ -45,11 +45,13 @@ def validate(annotation, data, where=None, path=()):
     """
     from pydantic import ValidationError
 
+    where = where or Document(None)
     try:
         return adapter(annotation).validate_python(data)
+    except ArithmeticError as error:  # of 1e300 m and the like
+        raise where.error(path, f"numbers too large or too small to compute with ({error})") from None
     except ValidationError as invalid:
         found = invalid.errors(include_url=False)
-    where = where or Document(None)
     mistakes = dict(mistake(annotation, data, error) for error in found)  # one at each path
     errors = [where.error((*path, *inner), message) for inner, message in mistakes.items()]
     raise gathered(errors)

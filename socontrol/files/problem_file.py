@@ -5,14 +5,24 @@ from dataclasses import replace
 from pathlib import Path
 
 from socontrol.files.expectations import check_expectations
-from socontrol.files.loader import Document, FileError, UnreadableFile, keys_in, override, read_yaml, validate
+from socontrol.files.loader import (
+    Document,
+    FileError,
+    UnreadableFile,
+    gathered,
+    keys_in,
+    override,
+    read_yaml,
+    unknown_key,
+    validate,
+)
 from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
 from socontrol.programs.questions import QUESTIONS
 from socontrol.programs.singular import unheld
 from socontrol.programs.solver import Ipopt, Solver
 from socontrol.programs.statics import Statics
-from socontrol.quantities import Bad, joined, nearest, show
+from socontrol.quantities import Bad, fields_of, joined, nearest, show
 
 LATER = {  # problem types of the file format that this version does not answer
     "simulation": "the robot's motion in time",
@@ -70,14 +80,14 @@ def question_of(document):
     """Question of a document without references; raises FileError."""
     data, cls = document.data, _kind(document)
     filled = {key: value for key, value in data.items() if key != "type"}
-    errors = []
+    errors = [document.error((key,), unknown_key(key, cls, data)) for key in filled if key not in fields_of(cls)]
     for key, read in (("robot", _robot), ("solver", _solver)):
         try:
             filled[key] = read(document)
         except FileError as error:
             errors.append(error)
     if errors:
-        raise errors[0]
+        raise gathered(errors)
     question = validate(cls, filled, document)
     check_expectations(document)
     if isinstance(question, Statics) and (loose := unheld(question)):

@@ -17,6 +17,7 @@ from socontrol.quantities import nearest, show
 MAX_BYTES = 1_000_000  # a robot is a few kB; more is a wrong file
 MAX_DEPTH = 40
 MAX_NODES = 10_000  # counted after aliases are written out
+MAX_KEYS = 8  # of the path to something nested too deep
 MAX_SHOWN = 5  # errors printed at once
 
 UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -148,7 +149,7 @@ class Builder:
         from ruamel.yaml import YAML
 
         self.events = YAML(typ="safe", pure=True).parse(text)
-        self.anchors, self.open, self.count = {}, set(), 0
+        self.anchors, self.open, self.count, self.keys = {}, set(), 0, []
 
     def document(self):
         """The node of the only document, or None if there is none."""
@@ -183,7 +184,8 @@ class Builder:
         if self.count > MAX_NODES:
             raise self.wrong(event, f"more than {MAX_NODES} values; is this the right file?")
         if depth > MAX_DEPTH:
-            raise self.wrong(event, f"nested more than {MAX_DEPTH} deep")
+            error = self.wrong(event, f"nested more than {MAX_DEPTH} deep")
+            raise FileError(error.message, line=error.line, path=dotted(self.keys[:MAX_KEYS]))
         if is_event(event, "Alias"):
             return self.alias(event)
         if event.tag is not None:
@@ -222,7 +224,9 @@ class Builder:
             key, line = self.key(event), event.start_mark.line + 1
             if key in entries:
                 raise self.wrong(event, f"key '{key}' stands twice: here and on line {entries[key][0]}")
+            self.keys.append(key)
             entries[key] = (line, self.node(self.next(), depth + 1))
+            self.keys.pop()
         return entries
 
     def key(self, event):
@@ -301,7 +305,7 @@ def parse(text, file=None):
         node = Builder(text).document()
         return replace(lines, data=expanded(node, lines) if node else None)
     except FileError as error:
-        raise FileError(error.message, file=file, line=error.line) from None
+        raise FileError(error.message, file=file, line=error.line, path=error.path) from None
 
 
 def read_yaml(path):
