@@ -213,7 +213,8 @@ def swapped(data, path, rng):
     if not isinstance(value, list) or value == value[::-1]:
         return None
     put(data, path, value[::-1])
-    return path[-1] == "limits" and not by_user(path), path
+    pair = len(value) == 2 and all(map(is_quantity, value))
+    return path[-1] == "limits" and pair and not by_user(path), path
 
 
 def shortened(data, path, rng):

@@ -281,6 +281,8 @@ def test_a_robot_with_every_coordinate_locked_is_at_rest_wherever_it_is_put():
     assert "no free coordinate" in result.details["stability"]
     r = array(robot.functions().static_residual(result.arrays["q"], []))
     np.testing.assert_allclose([result[f"holding.{name}"] for name in held], r, rtol=1e-12)
+    answer = Balance(robot).solve([], prescribed=dict(enumerate(held.values())))
+    np.testing.assert_array_equal(answer.residual, 0)  # what a lock carries is not unbalanced
 
 
 def test_a_robot_without_coordinates_is_at_rest():

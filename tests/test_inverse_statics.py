@@ -227,6 +227,18 @@ def test_an_axis_goal_is_not_met_by_the_opposite_direction():
     assert not result.status.solved or frame(result.question.robot, result.arrays["q"], "cap")[0, 0] < -0.99
 
 
+@pytest.mark.parametrize("target", [(1.0, -0.3, 0.1), (1.0, 0.2, -0.3), (1.0, 0.3, 0.3)])
+def test_a_prepared_question_meets_other_directions_than_the_declared_one(target):
+    wanted = np.array(target) / np.linalg.norm(target)
+    result = _solver_axis().solve({"target.look": wanted}).require()
+    np.testing.assert_allclose(frame(module(), result.arrays["q"], "cap")[:3, 0], wanted, rtol=0, atol=1e-7)
+
+
+@cache
+def _solver_axis():
+    return ask(module(), {"look": AxisDirection(on="cap", target=(1.0, 0.2, -0.3))}).prepare()
+
+
 # Costs
 
 
@@ -335,9 +347,10 @@ def test_bounds_of_a_coordinate_hold():
 
 
 def test_bounds_wider_than_the_robot_s_change_nothing():
-    robot, goals = QUESTIONS["full_point"]()
-    wide = ask(robot, goals, bounds=Bounds(inputs={n: (-1e9, 1e9) for n in robot.inputs})).solve().require()
-    np.testing.assert_allclose(wide.arrays["u"], answered("full_point").arrays["u"], rtol=1e-9)
+    wide = Bounds(inputs={n: (-1e9, 1e9) for n in module().inputs})
+    result = ask(module(), {"tip": Point(on="cap", target=FAR["aside"])}, bounds=wide).solve()
+    assert result.status.exit_code == 4
+    np.testing.assert_allclose(result.arrays["u"], unreached("aside").arrays["u"], rtol=0, atol=1e-6 * PRESSURE)
 
 
 @pytest.mark.parametrize(

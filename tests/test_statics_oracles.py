@@ -116,7 +116,7 @@ def rod(spec, N):
         placement=Placement(position=tuple(g0[:3, 3].tolist()), rotation=tuple(rotation.tolist())),
         strains=ROWS[spec.get("basis")],
         sections=N,
-        quadrature=10 if N <= 8 else 5,  # ten are what the files used; five are enough for finer sections
+        quadrature=10 if N <= 8 else 3,  # ten are what the files used; three are enough for finer sections
         rest={"bend_z": rest[2]} if rest[2] else None,
     )
 

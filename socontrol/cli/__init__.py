@@ -5,6 +5,7 @@ Exit codes: 0 solved, 1 unexpected, 2 usage or path, 3 bad file, 4 infeasible, 5
 """
 
 import sys
+import warnings
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -149,6 +150,7 @@ def run(arguments):
     """Exit code of one command."""
     from socontrol.cli.errors import interrupted, say, unexpected
 
+    warnings.filterwarnings("ignore", category=RuntimeWarning)  # overflow on the way; what comes out is checked
     try:
         code = app(args=list(arguments) or ["--help"], prog_name="socontrol", standalone_mode=False)
         sys.stdout.flush()

@@ -8,6 +8,7 @@ between the guide holes of its two sides. Source: F. Renda et al., RA-L 2020 (T 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import casadi as ca
@@ -33,6 +34,17 @@ from socontrol.quantities import (
 E1 = ca.DM([1, 0, 0])
 
 
+@lru_cache(maxsize=1)
+def line_element():
+    """Function (xi, d, d') -> |v|, E^T t [6] and its derivative in xi [6 x 6], made once and inlined."""
+    xi, d, slope = ca.SX.sym("xi", 6), ca.SX.sym("d", 3), ca.SX.sym("slope", 3)
+    E = ca.horzcat(-ca.skew(d), ca.DM.eye(3))
+    v = E @ xi + slope
+    size = ca.norm_2(v)
+    pull = E.T @ (v / size)
+    return ca.Function("line_element", [xi, d, slope], [size, pull, (E.T @ E - pull @ pull.T) / size])
+
+
 @dataclass(frozen=True)
 class RodLine:
     """A line through one section of rod.
@@ -50,22 +62,24 @@ class RodLine:
 
     def length(self, tree, q):
         """int |v| ds [m]."""
-        return sum(w * ca.norm_2(v) for w, _, v in self._vectors(tree.pieces[self.piece], q))
+        return self._sum(tree.pieces[self.piece], q)[0]
 
     def force(self, tree, q):
         """Generalised force [n_i] for unit input."""
         piece = tree.pieces[self.piece]
-        total = sum(w * E.T @ (v / ca.norm_2(v)) for w, E, v in self._vectors(piece, q))
-        return self.gain * (piece.Phi.T @ total)
+        return self.gain * (piece.Phi.T @ self._sum(piece, q)[1])
 
     def gradient(self, tree, q):
         """d(force)/dq [n_i x n_i]."""
-        piece, total = tree.pieces[self.piece], 0
-        for w, E, v in self._vectors(piece, q):
-            size = ca.norm_2(v)
-            EP, t = E @ piece.Phi, v / size
-            total += w / size * (EP.T @ EP - (EP.T @ t) @ (t.T @ EP))
-        return self.gain * total
+        piece = tree.pieces[self.piece]
+        return self.gain * (piece.Phi.T @ self._sum(piece, q)[2] @ piece.Phi)
+
+    def _sum(self, piece, q):
+        """int (|v|, E^T t, E^T (I - t t^T) E / |v|) ds over the nodes."""
+        xi, totals = piece.strain(q), (0, 0, 0)
+        for w, d, slope in self.nodes:
+            totals = [total + w * value for total, value in zip(totals, line_element()(xi, d, slope), strict=True)]
+        return totals
 
     def wrench(self, tree, q, x):
         """F_a = gain [d x t; t] [6] at x, body frame, for unit input; zero where the line does not run."""
@@ -79,12 +93,6 @@ class RodLine:
 
     def _direction(self, v):
         return v / ca.norm_2(v)
-
-    def _vectors(self, piece, q):
-        xi = piece.strain(q)
-        for w, d, slope in self.nodes:
-            E = ca.horzcat(-ca.skew(d), ca.DM.eye(3))
-            yield w, E, E @ xi + slope
 
 
 @dataclass(frozen=True)

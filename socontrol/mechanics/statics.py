@@ -41,6 +41,10 @@ class Statics:
 
     def actuation(self):
         """B(q) [n x m]."""
+        return self._columns
+
+    @cached_property
+    def _columns(self):
         tree, columns = self.robot.tree, []
         for shares in self.robot.lines:
             parts = [ca.DM(piece.size, 1) for piece in tree.pieces]
@@ -49,23 +53,26 @@ class Statics:
             columns.append(ca.vertcat(*parts))
         return ca.horzcat(*columns) if columns else ca.DM(tree.n, 0)
 
+    @cached_property
+    def _gradients(self):
+        """For each input, (piece, d(force)/dq [n_i x n_i]) of its lines."""
+        return [[(line.piece, line.gradient(self.robot.tree, self.q)) for line in shares] for shares in self.robot.lines]
+
     def actuation_tangent(self):
         """d(B(q) u)/dq [n x n], one block a piece."""
-        tree = self.robot.tree
-        parts = [ca.DM(piece.size, piece.size) for piece in tree.pieces]
-        for k, shares in enumerate(self.robot.lines):
-            for line in shares:
-                parts[line.piece] += self.u[k] * line.gradient(tree, self.q)
+        parts = [ca.DM(piece.size, piece.size) for piece in self.robot.tree.pieces]
+        for k, shares in enumerate(self._gradients):
+            for piece, gradient in shares:
+                parts[piece] += self.u[k] * gradient
         return ca.diagcat(*parts)
 
     def actuation_gradient(self, lam):
         """Column a: d(lam . B_a)/dq [n x m]."""
         tree, columns = self.robot.tree, []
-        for shares in self.robot.lines:
+        for shares in self._gradients:
             parts = [ca.DM(piece.size, 1) for piece in tree.pieces]
-            for line in shares:
-                columns_of = tree.pieces[line.piece].columns
-                parts[line.piece] += line.gradient(tree, self.q).T @ lam[columns_of]
+            for piece, gradient in shares:
+                parts[piece] += gradient.T @ lam[tree.pieces[piece].columns]
             columns.append(ca.vertcat(*parts))
         return ca.horzcat(*columns) if columns else ca.DM(tree.n, 0)
 

@@ -25,6 +25,8 @@ Strains = Annotated[Any, Either(Literal[tuple(STRAIN_SETS)], tuple[Literal[STRAI
 Sections = Annotated[Any, Either(Count, tuple[PositiveNumber, ...])]
 RestValues = Annotated[Any, Either(Number, tuple[Number, ...])]
 
+MOST_SECTIONS = 500  # far beyond what statics gains from, long before memory runs out
+
 
 @record(kw_only=True)
 class Rod:
@@ -51,6 +53,9 @@ class Rod:
             active_strains(self.strains)
         except ValueError as error:
             raise Bad("strains", str(error)) from None
+        count = len(self.sections) if isinstance(self.sections, tuple) else self.sections
+        if count > MOST_SECTIONS:
+            raise Bad("sections", f"{count} sections; at most {MOST_SECTIONS}")
         if isinstance(self.sections, tuple) and abs(sum(self.sections) - 1) > 1e-9:
             raise Bad("sections", f"the fractions sum to {sum(self.sections):g}, not 1; or give the number of sections")
         if self.quadrature > 64:

@@ -29,6 +29,10 @@ class Look:
         robot, f, values = self.robot, self.functions, {}
         for name, unit, x in zip(robot.inputs, robot.input_units, u, strict=True):
             values[f"inputs.{name}"] = Value(float(x), unit)
+        for piece in robot.tree.pieces:
+            if not piece.is_rod:
+                for i in range(piece.columns.start, piece.columns.stop):
+                    values[f"coordinates.{robot.coordinates[i]}"] = Value(float(q[i]), robot.coordinate_units[i])
         for segment in robot.segments:
             g = np.array(f.pose(segment, 1.0)(q))
             values[f"{segment}.position"] = Value(g[:3, 3].tolist(), "m")

@@ -26,6 +26,7 @@ from socontrol.quantities import (
     record,
 )
 
+MOST_WAYPOINTS = 100_000
 PartialPosition = Annotated[tuple[Metre | None, Metre | None, Metre | None], Numbers(3)]
 
 
@@ -216,6 +217,10 @@ class Circle:
     start: Axis = (1.0, 0.0, 0.0)
     count: Count = 36
 
+    def __post_init__(self):
+        if self.count > MOST_WAYPOINTS:
+            raise Bad("count", f"{self.count} waypoints; at most {MOST_WAYPOINTS}")
+
     def waypoints(self):
         n = np.array(self.normal) / np.linalg.norm(self.normal)
         e = np.array(self.start) - n * np.dot(n, self.start)
@@ -237,6 +242,10 @@ class Polygon:
     def __post_init__(self):
         if len(self.corners) < 2:
             raise Bad("corners", "at least two corners are wanted")
+        corners = np.array(self.corners)
+        around = float(np.sum(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)))
+        if not around / self.spacing <= MOST_WAYPOINTS:
+            raise Bad("spacing", f"more than {MOST_WAYPOINTS} waypoints; take a larger spacing")
 
     def waypoints(self):
         corners = [np.array(c) for c in self.corners]
