@@ -136,7 +136,8 @@ def renamed(data, path, rng):
     if not isinstance(key, str) or len(key) < 3:
         return None
     at = rng.randrange(1, len(key))
-    wrong = rng.choice([key[:at] + key[at + 1 :], key[:at] + key[at] * 2 + key[at + 1 :], key.upper(), key + "s", "x" + key])
+    head, letter, tail = key[:at], key[at], key[at + 1 :]
+    wrong = rng.choice([head + tail, head + 2 * letter + tail, key.upper(), key + "s", "x" + key])
     parent = value_at(data, path[:-1])
     if wrong in parent or wrong == key:
         return None

@@ -477,7 +477,9 @@ def test_a_killed_run_leaves_the_old_result_whole(folder, socontrol, step):
     done = subprocess.run([sys.executable, "-c", KILLED.format(step=step)], cwd=folder)
     assert done.returncode == -signal.SIGKILL
     assert (folder / "results/reach/result.json").read_text() == before
-    assert solve(socontrol, "reach.yaml")[0] == 0, "and does not stand in the way of the next"
+    assert len(os.listdir(folder / "results")) == 2, "what it had begun is left"
+    assert solve(socontrol, "reach.yaml")[0] == 0
+    assert os.listdir(folder / "results") == ["reach"], "until the next run clears it away"
 
 
 def test_other_peoples_folders_are_left_alone(folder, socontrol):
@@ -544,6 +546,13 @@ def test_a_terminal_sees_colours_unless_no_color_is_set(folder):
     assert "\x1b[1;32m" in shown_on_a_terminal(arguments, folder)
     plain = shown_on_a_terminal(arguments, folder, NO_COLOR="1")
     assert "Solved" in plain and not re.search(r"\x1b\[[0-9;]*m", plain)
+
+
+def test_a_stream_without_every_sign_is_no_error(folder):
+    command = [sys.executable, "-c", "from socontrol.cli import main; main()", "solve", "reach.yaml", "--no-figures"]
+    own = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, cwd=folder, env=own, capture_output=True, text=True)
+    assert done.returncode == 0 and "Solved" in done.stdout
 
 
 def test_a_pipe_sees_no_escapes_and_no_progress(folder, socontrol):

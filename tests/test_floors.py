@@ -37,7 +37,12 @@ FLOORS = [  # a name ending in "/" is every other module of that folder
     ["quantities"],
     ["records", "units"],
 ]
-FILES = [["result_file"], ["problem_file", "schemas"], ["robot_file", "expectations"], ["loader"]]  # inside files/, the rest below these
+FILES = [  # inside files/, the rest below these
+    ["result_file"],
+    ["problem_file", "schemas"],
+    ["robot_file", "expectations"],
+    ["loader"],
+]
 FREE_INSIDE = {  # folders whose modules may import one another, without cycles
     "programs": "a problem type stands on others",
     "cli": "commands share their printing",
@@ -48,11 +53,6 @@ FREE_INSIDE = {  # folders whose modules may import one another, without cycles
 }
 UPWARD = {  # the imports inside functions that look up, each with its reason
     ("mechanics/robot", "mechanics/functions"): "Robot.functions() is the door to what is built of a robot",
-}
-LAZY = {  # imports inside functions that break a cycle at the top, each with its reason
-    ("programs/answer", "programs/balance"): "only a look with doubled sections solves again",
-    ("programs/inverse_statics", "programs/paths"): "a path is made of inverse statics, which ask for it",
-    ("programs/inverse_statics", "programs/sensitivity"): "only questions that ask for sensitivities",
 }
 LEAN = ("lie", "model", "mechanics", "programs", "native")  # these need casadi and numpy alone
 SKIPPED = {"__init__"}  # the package's own holds lazy names only
@@ -169,12 +169,11 @@ def test_no_module_imports_itself_over_others_when_loaded():
 
 
 def test_imports_inside_functions_close_no_cycle_but_the_listed_ones():
-    listed = {*UPWARD, *LAZY}
-    assert cycle({a: {b for b in anywhere(a) if (a, b) not in listed} for a in modules()}) is None
+    assert cycle({a: {b for b in anywhere(a) if (a, b) not in UPWARD} for a in modules()}) is None
 
 
 def test_listed_exceptions_exist_and_stand_inside_functions():
-    for module, other in {*UPWARD, *LAZY}:
+    for module, other in UPWARD:
         assert other in anywhere(module) - at_top(module), f"{module} imports {other} no more; unlist it"
 
 

@@ -350,7 +350,8 @@ def test_bounds_wider_than_the_robot_s_change_nothing():
     wide = Bounds(inputs={n: (-1e9, 1e9) for n in module().inputs})
     result = ask(module(), {"tip": Point(on="cap", target=FAR["aside"])}, bounds=wide).solve()
     assert result.status.exit_code == 4
-    np.testing.assert_allclose(result.arrays["u"], unreached("aside").arrays["u"], rtol=0, atol=1e-6 * PRESSURE)
+    expected = unreached("aside").arrays["u"]
+    np.testing.assert_allclose(result.arrays["u"], expected, rtol=0, atol=1e-6 * PRESSURE)
 
 
 @pytest.mark.parametrize(
@@ -558,13 +559,13 @@ def test_a_limit_moved_as_far_as_said_makes_the_goal_reachable_and_no_less_does(
     if row["needed"] is None:
         sign = 1 if row["side"] == "upper" else -1
         lifted = with_limit(robot, row["name"], row["side"], sign * 30 * PRESSURE)
-        assert not ask(lifted, goal, solver=Ipopt(starts=1)).solve().status.solved
+        assert not ask(lifted, goal, solver=Ipopt(starts=0)).solve().status.solved
         return
     gap = row["needed"] - row["limit"]
     enough = with_limit(robot, row["name"], row["side"], row["limit"] + 1.001 * gap)
     assert_trustworthy(ask(enough, goal).solve())
     short = with_limit(robot, row["name"], row["side"], row["limit"] + 0.98 * gap)
-    assert ask(short, goal, solver=Ipopt(starts=1)).solve().status.exit_code == 4
+    assert ask(short, goal, solver=Ipopt(starts=0)).solve().status.exit_code == 4
 
 
 def test_sentences_say_each_case():

@@ -17,9 +17,11 @@ from socontrol.files.loader import (
     UnreadableFile,
     json_schema,
     override,
+    parse,
     read_yaml,
     validate,
 )
+from socontrol.files.yaml_writer import yaml_text
 from socontrol.quantities import (
     Area,
     Bad,
@@ -475,7 +477,7 @@ REFUSED = {  # content: the error line
     'a: "\\e[31m"\n': "r.yaml:1: control character in '\\x1b[31m'",
     'a: "\\uD800"\n': "r.yaml:1: control character in '\\ud800'",
     "a: " + "9" * 5000: "r.yaml:1: 99999999999999999999... has 5000 digits",
-    "a: " + "[" * 45 + "]" * 45: "r.yaml:1: nested more than 40 deep",
+    "a: " + "[" * 45 + "]" * 45: "r.yaml:1: a: nested more than 40 deep",
     "\n".join(
         f"k{i}: 1" for i in range(10_000)
     ): "r.yaml:10000: more than 10000 values; is this the right file?",
@@ -756,3 +758,22 @@ def test_only_a_file_error_comes_out_of_a_damaged_robot(tmp_path_factory, data):
             st.sampled_from([f"{key}: {value}", lines[i] + "x", lines[i][:-1], "", lines[i][1:]])
         )
     only_file_errors(tmp_path_factory.getbasetemp() / "fuzz.yaml", "\n".join(lines).encode())
+
+
+SCALARS = st.one_of(
+    st.none(), st.booleans(), st.integers(-(10**9), 10**9), st.floats(allow_nan=False, allow_infinity=False),
+    st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"], exclude_characters="\ufeff\ufffe\uffff")),
+    st.sampled_from(["null", "1e3", "0x1f", "yes", "~", "", "- a", "a: b", "<<", "2 mm", "1.5", ".nan", "# a"]),
+)  # fmt: skip
+KEYS = st.from_regex(r"[A-Za-z][A-Za-z0-9_.]{0,9}", fullmatch=True) | st.sampled_from(["null", "1", "no", "a b"])
+PLAIN = st.dictionaries(KEYS, st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS, inner, max_size=4), max_leaves=12,
+), min_size=1, max_size=5)  # fmt: skip
+
+
+@settings(max_examples=200, deadline=None)
+@given(PLAIN)
+def test_written_yaml_reads_back_as_the_same_data_in_the_same_order(data):
+    again = parse(yaml_text(data)).data
+    assert again == data and list(again) == list(data)
+    assert repr(again) == repr(data), "types and the order of inner keys too"

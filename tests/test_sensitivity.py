@@ -14,7 +14,8 @@ from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.sensitivity import Degenerate, derivatives
 from socontrol.programs.solver import Ipopt
 
-SIX_POINTS = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # central differences, order 6
+# central differences of order 6
+SIX_POINTS = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 PRECISE = Ipopt(tolerance=1e-13)
 
 
@@ -69,7 +70,8 @@ def weighted():
 
 
 def other_costs():
-    costs = {"calm": StrainEnergy(weight=0.3), "near": Reference(inputs={"low_up": 30e3}), "low": Effort(weight=0.5)}
+    near = Reference(inputs={"low_up": 30e3})
+    costs = {"calm": StrainEnergy(weight=0.3), "near": near, "low": Effort(weight=0.5)}
     return ask(two_modules(), {"tip": point(tip_of(two_modules(), [0.5] * 6))}, costs=costs)
 
 
@@ -79,12 +81,8 @@ def given():
     return ask(hand(), goal, coordinates={"fore": 0.4}, inputs={"elbow": 0.0})
 
 
-QUESTIONS = {
-    f.__name__: f
-    for f in (
-        determined, determined_under_load, redundant, on_limits, partial, direction, weighted, other_costs, given,
-    )
-}  # fmt: skip
+PLAIN = (determined, redundant, on_limits, partial, direction)
+QUESTIONS = {f.__name__: f for f in (*PLAIN, determined_under_load, weighted, other_costs, given)}
 
 
 @cache
@@ -122,8 +120,9 @@ def test_sensitivities_are_differences_of_answers_solved_again(name):
 
 
 def test_some_of_these_answers_stand_on_limits_and_some_do_not():
-    at_limit = {name: (answered(name)[1].values["u"] < 1e-6 * PRESSURE).any() for name in ("redundant", "on_limits")}
-    assert at_limit == {"redundant": False, "on_limits": True}
+    lowest = {name: answered(name)[1].values["u"].min() / PRESSURE for name in ("redundant", "on_limits")}
+    assert lowest["redundant"] > 0.01
+    assert lowest["on_limits"] < 1e-6
 
 
 def test_an_input_on_its_limit_does_not_move():
@@ -172,7 +171,7 @@ def test_results_carry_sensitivities_with_units_when_asked():
 
 
 def touching(offset=0.0):
-    """The wished inputs meet the goal, one of them `offset` pascals above its limit of zero: nothing presses on it."""
+    """The wished inputs meet the goal, one `offset` pascals above its limit: nothing presses on it."""
     robot = two_modules()
     u = PRESSURE * np.array([0.5, 0.3, 0.4, 0.3, 0.4, 0.0])
     u[5] = offset

@@ -26,6 +26,10 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="a.b=VALUE", help="Replace a value of the file, or of the robot or solver it names."),
 ]
+Verbose = Annotated[
+    int,
+    typer.Option("-v", "--verbose", count=True, show_default=False, help="Print more (-vv: all), and tracebacks."),
+]
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results, one folder a problem.")]
 
 
@@ -77,10 +81,7 @@ def solve(
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False,
     verify: Annotated[bool, typer.Option("--verify", help="Fail (7) where `expect:` is missed.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
-    verbose: Annotated[
-        int,
-        typer.Option("-v", "--verbose", count=True, show_default=False, help="Print more (-vv: all), and tracebacks."),
-    ] = 0,
+    verbose: Verbose = 0,
 ):
     """Solve problems and write a result folder for each."""
     from socontrol.cli.solve import Settings, solve_all
@@ -90,7 +91,7 @@ def solve(
 
 
 @app.command()
-def check(files: Files, set_: Overrides = None):
+def check(files: Files, set_: Overrides = None, verbose: Verbose = 0):
     """Say whether robot, problem and solver files are sound."""
     from socontrol.cli.check import check_all
 
@@ -118,6 +119,7 @@ def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.", show_d
 def plot(
     result: Annotated[Path, typer.Argument(help="A result folder.", show_default=False)],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for the figures.")] = None,
+    verbose: Verbose = 0,
 ):
     """Draw the figures of a result again."""
     from socontrol.cli.plot import draw_again
@@ -143,6 +145,8 @@ def doctor():
 
 def main(arguments=None):
     """Run the command line and leave with its exit code; every error is one line on stderr."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="replace")  # an old terminal may not have every sign
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 

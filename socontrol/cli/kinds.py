@@ -77,7 +77,7 @@ def _joint_table(out, kind):
         ])  # fmt: skip
     rows = [(r.name, r.B, r.xi_bar, str(r.dof), r.system, str(r.order)) for r in distributed_rows()]
     _table(out, ("distributed", "B", "xi_bar", "DoF", "screw system", "order"), rows)
-    out.print("e1 twist, e2 e3 bending, e4 stretch, e5 e6 shear; lumped: e1-e3 turns, e4-e6 slides; p pitch [m/rad].")
+    out.print("e1 twist, e2 e3 bending, e4 stretch, e5 e6 shear; lumped: e1-e3 turns, e4-e6 slides; p pitch.")
 
 
 def lumped_rows():

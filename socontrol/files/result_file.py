@@ -2,6 +2,7 @@
 
 import ctypes
 import dataclasses
+import glob
 import hashlib
 import json
 import math
@@ -87,7 +88,7 @@ def save(result, document, folder, comparisons=(), draw=None):
     refuse_foreign(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(part, ignore_errors=True)
+        _sweep(folder)
         part.mkdir()
         try:
             trouble = _fill(part, result, document, comparisons, draw)
@@ -97,6 +98,27 @@ def save(result, document, folder, comparisons=(), draw=None):
     except OSError as error:
         raise UnreadableFile(one_line(f"{folder}: cannot be written: {error.strerror or error}")) from None
     return trouble
+
+
+def _sweep(folder):
+    """Remove what killed runs have left beside the folder, and nothing of a run that still lives."""
+    for part in folder.parent.glob(f".{glob.escape(folder.name)}.*.part"):
+        process = part.name.split(".")[-2]
+        if process == str(os.getpid()) or not _lives(process):
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def _lives(process):
+    """Whether a process may be running, by its number."""
+    if os.name != "posix" or not process.isdecimal():
+        return True
+    try:
+        os.kill(int(process), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 def refuse_foreign(folder):

@@ -72,7 +72,10 @@ class Scale:
 
 @record(kw_only=True)
 class Fit(Question):
-    """on, at: the measured frame; factors: the measured inputs are multiplied by each in turn."""
+    """Which parameters of the robot fit measured equilibria, tested on measurements held out?
+
+    on, at: the measured frame; factors: the measured inputs are multiplied by each in turn.
+    """
 
     on: str
     measurements: tuple[Measurement, ...]

@@ -26,7 +26,10 @@ STEPS = 5  # of the continuation from rest to goal
 
 @record(kw_only=True)
 class InverseStatics(Question):
-    """goals: what to hold; costs: what to keep small (default: input effort); sensitivities: print du/d(goal, load)."""
+    """Which inputs hold the goals under these loads, within the limits?
+
+    goals: what to hold; costs: what to keep small (default: input effort); sensitivities: print du/d(goal, load).
+    """
 
     goals: dict[str, Goal]
     costs: dict[str, Cost] | None = None

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from mutations import Remembered, bases, judged, mutant  # noqa: E402  it stands beside this folder
+from mutations import Remembered, bases, judged, mutant  # it stands beside this folder
 
 
 def main(count=10_000, first=0):
@@ -29,7 +29,8 @@ def main(count=10_000, first=0):
             v = judged(mutant(shipped, seed), Path(folder))
             slowest = max(slowest, (time.perf_counter() - start, seed))
             row = rows[v.mutant.kind]
-            columns = (True, v.code == 0, v.code == 3, v.code not in (0, 3), v.mutant.harmful, v.mutant.harmful and v.named)
+            harmful = v.mutant.harmful
+            columns = (True, v.code == 0, v.code == 3, v.code not in (0, 3), harmful, harmful and v.named)
             for k, counted in enumerate(columns):
                 row[k] += counted
             if v.code not in (0, 3):
