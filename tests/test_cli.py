@@ -17,7 +17,7 @@ import pytest
 import socontrol as so
 from socontrol import cli
 from socontrol.cli.kinds import distributed_rows, lumped_rows
-from socontrol.files import result_file
+from socontrol.files import result_file, schemas
 from socontrol.files.schemas import schema_text
 
 ROOT = Path(__file__).parent.parent
@@ -640,6 +640,24 @@ def test_the_schema_is_up_to_date(socontrol, kind, path):
     code, out, _ = socontrol("schema", kind)
     assert code == 0 and out == schema_text(kind)
     assert (ROOT / path).read_text() == out, f"run: socontrol schema {kind} > {path}"
+
+
+def spread(node, definitions):
+    """A schema with every reference written out."""
+    if isinstance(node, list):
+        return [spread(item, definitions) for item in node]
+    if not isinstance(node, dict):
+        return node
+    if "$ref" in node:
+        return spread(definitions[node["$ref"].removeprefix("#/$defs/")], definitions)
+    return {key: spread(value, definitions) for key, value in node.items() if key not in ("$defs", "$schema")}
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_parts_named_once_in_a_schema_mean_what_they_meant(kind):
+    whole, short = schemas.SCHEMAS[kind](), schemas.schema(kind)
+    assert spread(short, short["$defs"]) == spread(whole, whole["$defs"])
+    assert len(json.dumps(short)) < len(json.dumps(schemas.SCHEMAS[kind]())) / 2
 
 
 @pytest.mark.parametrize("path", [*ROBOTS, *PROBLEMS], ids=lambda p: p.stem)

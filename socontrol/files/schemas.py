@@ -1,5 +1,6 @@
 """JSON Schema of robot and problem files, for editors: keys, kinds, units in the descriptions."""
 
+import itertools
 import json
 from collections import Counter
 
@@ -28,7 +29,7 @@ def schema_text(kind):
 
 def hoisted(whole):
     """The schema with parts that stand in it more than once moved to `$defs`: a third of the size."""
-    counts, definitions, names = Counter(), {}, {}
+    counts, names, definitions = Counter(), {}, dict(whole.get("$defs", {}))
 
     def count(node):
         if isinstance(node, dict):
@@ -45,20 +46,23 @@ def hoisted(whole):
         if top or counts[key] < 2 or len(key) < SHORT or not {"type", "anyOf", "oneOf"} & set(node):
             return {name: moved(child, name in NAMED) for name, child in node.items()}
         if key not in names:
-            names[key] = _name(node, definitions)
-            definitions[names[key]] = {name: moved(child, name in NAMED) for name, child in node.items()}
+            name = names[key] = _name(node, definitions)
+            definitions[name] = {}  # taken, before parts of this part look for names
+            definitions[name] = {inner: moved(child, inner in NAMED) for inner, child in node.items()}
         return {"$ref": f"#/$defs/{names[key]}"}
 
     count(whole)
-    own = {name: moved(part, True) for name, part in whole.pop("$defs", {}).items()}
-    return {**moved(whole, True), "$defs": {**own, **definitions}}
+    for name, part in whole.pop("$defs", {}).items():
+        definitions[name] = moved(part, True)
+    return {**moved(whole, True), "$defs": definitions}
 
 
 def _name(node, taken):
     """A name for a shared part, from its description."""
     words = "".join(c if c.isalnum() else " " for c in node.get("description", node.get("title", "part"))).split()
     name = "_".join(words[:5]).lower()
-    return name if name not in taken else f"{name}_{sum(other.startswith(name) for other in taken) + 1}"
+    names = itertools.chain([name], (f"{name}_{k}" for k in itertools.count(2)))
+    return next(free for free in names if free not in taken)
 
 
 def robot_schema():

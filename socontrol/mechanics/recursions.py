@@ -105,9 +105,7 @@ def external_tangent(kin, places, fields, symmetric=False):
                 blocks[j, i] = S.T @ above
                 blocks[i, j] = blocks[j, i].T if symmetric else below @ S
     sizes = [piece.size for piece in tree.pieces]
-    rows = [
-        ca.horzcat(*(blocks.get((i, j), ca.DM(sizes[i], sizes[j])) for j in range(count))) for i in range(count)
-    ]
+    rows = [ca.horzcat(*(blocks.get((i, j), ca.DM(sizes[i], sizes[j])) for j in range(count))) for i in range(count)]
     return ca.vertcat(*rows)
 
 

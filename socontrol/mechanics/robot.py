@@ -192,9 +192,11 @@ class Robot:
             keys = ["segments", *keys]
         node = self.description
         for depth, key in enumerate(keys):
-            names = list(node) if isinstance(node, dict) else [f.name for f in fields(node)] if is_dataclass(node) else []
+            names = (
+                list(node) if isinstance(node, dict) else [f.name for f in fields(node)] if is_dataclass(node) else []
+            )
             if key not in names:
-                raise ValueError(f"no value at '{path}': '{'.'.join(keys[:depth + 1])}'{nearest(key, names)}")
+                raise ValueError(f"no value at '{path}': '{'.'.join(keys[: depth + 1])}'{nearest(key, names)}")
             node = node[key] if isinstance(node, dict) else getattr(node, key)
         return keys
 

@@ -56,7 +56,9 @@ class Statics:
     @cached_property
     def _gradients(self):
         """For each input, (piece, d(force)/dq [n_i x n_i]) of its lines."""
-        return [[(line.piece, line.gradient(self.robot.tree, self.q)) for line in shares] for shares in self.robot.lines]
+        return [
+            [(line.piece, line.gradient(self.robot.tree, self.q)) for line in shares] for shares in self.robot.lines
+        ]
 
     def actuation_tangent(self):
         """d(B(q) u)/dq [n x n], one block a piece."""

@@ -58,9 +58,7 @@ def inertia_density(material, section):
         return ca.diag(ca.vertcat(*section.inertia))
     m, rho = section.moments(), material.density
     first = ca.skew(ca.vertcat(0, m.Sz, m.Sy))
-    second = ca.vertcat(
-        ca.horzcat(m.Jy + m.Jz, 0, 0), ca.horzcat(0, m.Jy, -m.Jyz), ca.horzcat(0, -m.Jyz, m.Jz)
-    )
+    second = ca.vertcat(ca.horzcat(m.Jy + m.Jz, 0, 0), ca.horzcat(0, m.Jy, -m.Jyz), ca.horzcat(0, -m.Jyz, m.Jz))
     return ca.sparsify(rho * ca.blockcat([[second, first], [-first, m.A * ca.DM.eye(3)]]))
 
 

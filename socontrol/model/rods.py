@@ -91,9 +91,7 @@ class Rod:
     def xi_bar(self, section):
         """Strain [6] at q = 0: straight and unstretched, inactive strains at rest."""
         rest, active = self.rest_strain(section), self.active()
-        return ca.vertcat(
-            *(XI_BAR[i] + (0 if name in active else rest[i]) for i, name in enumerate(STRAINS))
-        )
+        return ca.vertcat(*(XI_BAR[i] + (0 if name in active else rest[i]) for i, name in enumerate(STRAINS)))
 
     def xi_star(self, section):
         """Strain [6] at which the rod stores no energy."""

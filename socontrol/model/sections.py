@@ -88,9 +88,7 @@ class Circle:
     torsion_constant: SecondMoment | None = None
 
     def __post_init__(self):
-        _refuse_holes_outside(
-            self.holes, lambda y, z, r: (y**2 + z**2) ** 0.5 + r <= self.radius, "the circle"
-        )
+        _refuse_holes_outside(self.holes, lambda y, z, r: (y**2 + z**2) ** 0.5 + r <= self.radius, "the circle")
 
     def moments(self):
         J = pi * self.radius**4 / 4

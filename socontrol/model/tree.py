@@ -69,7 +69,9 @@ def build(segments, factor=1):
     for name, record in segments.items():
         parent, place, placement = _stand(tree, name, record, segments)
         pieces, names, units = list(tree.pieces), list(tree.coordinates), list(tree.units)
-        for piece, own_names, own_units in _pieces(name, record, parent, place, placement, len(names), factor, len(pieces)):
+        for piece, own_names, own_units in _pieces(
+            name, record, parent, place, placement, len(names), factor, len(pieces)
+        ):
             pieces.append(piece)
             names += own_names
             units += own_units
@@ -87,7 +89,8 @@ def _stand(tree, name, record, segments):
     if record.parent not in tree.of:
         if record.parent in segments:
             raise Bad(
-                f"{name}.parent", f"'{record.parent}' stands after '{name}' (or in a cycle); put parents before children"
+                f"{name}.parent",
+                f"'{record.parent}' stands after '{name}' (or in a cycle); put parents before children",
             )
         raise Bad(f"{name}.parent", f"unknown segment '{record.parent}'{nearest(record.parent, ['world', *tree.of])}")
     try:
@@ -104,7 +107,8 @@ def _pieces(name, record, parent, place, placement, first, factor, count):
         names = [name] if n == 1 else [f"{name}.{i}" for i in range(n)]
         piece = Piece(
             segment=name, index=0, record=record, parent=parent, place=place, placement=placement,
-            columns=slice(first, first + n), Phi=record.Phi(), xi_bar=ca.DM(6, 1), xi_star=None, length=1.0, end=record.tip.pose(),
+            columns=slice(first, first + n), Phi=record.Phi(), xi_bar=ca.DM(6, 1), xi_star=None, length=1.0,
+            end=record.tip.pose(),
         )  # fmt: skip
         return [(piece, names, [unit for unit, _ in record.units])]
     rows, bounds, active = [], record.boundaries(), record.active()

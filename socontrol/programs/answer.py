@@ -82,7 +82,9 @@ class Look:
                     continue
                 for side, limit, gap in (("lower", lower[i], x[i] - lower[i]), ("upper", upper[i], upper[i] - x[i])):
                     if gap <= ACTIVE * span:
-                        reached.append({"kind": key[:-1], "name": name, "side": side, "limit": float(limit), "index": i})
+                        reached.append(
+                            {"kind": key[:-1], "name": name, "side": side, "limit": float(limit), "index": i}
+                        )
         return reached
 
     def doubled(self, q, u, prescribed):

@@ -47,7 +47,7 @@ class Checker:
         return elastic - external - actuation, elastic, external, actuation
 
     def reactions(self, q):
-        """{segment: wrench [6] on it from what carries it, in its base frame} for joints and what stands on the world."""
+        """{segment: wrench [6] on it from what carries it, base frame} for joints and world-standing rods."""
         look, found = _Look(self, np.asarray(q, dtype=float).ravel()), {}
         look.external()
         for i, piece in enumerate(self.pieces):

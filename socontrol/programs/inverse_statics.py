@@ -225,7 +225,9 @@ class InverseSolver:
             return follow(self, progress)
         began = time.perf_counter()
         outcome, attempts = self.find(targets or {}, start, warm)
-        return self.result(outcome, attempts, {**self.posture.targets(), **(targets or {})}, time.perf_counter() - began)
+        return self.result(
+            outcome, attempts, {**self.posture.targets(), **(targets or {})}, time.perf_counter() - began
+        )
 
     def result(self, outcome, attempts, parameters, seconds):
         """Result of an outcome: values, misses, the independent look, and for a miss the way out."""

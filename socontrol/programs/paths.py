@@ -8,7 +8,7 @@ from socontrol.programs.result import Result, Status, Value
 
 
 def follow(solver, progress=None):
-    """Result of an inverse-statics path: arrays q [N x n], u [N x m], tip [N x 3]; stops at the first unreachable point."""
+    """Result of a path: arrays path.q [N x n], path.u [N x m], path.tip [N x 3]; stops at the first point missed."""
     name, path = solver.path
     waypoints = path.waypoints()
     began, warm, start, rows, attempts = time.perf_counter(), None, None, [], []

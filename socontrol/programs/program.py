@@ -31,7 +31,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Constraint:
-    """A named block of conditions; tangent: {variable: d expression/d variable}; curvature(multipliers) -> {(a, b): ...}."""
+    """A named block of conditions; tangent: {variable: derivative}; curvature(multipliers) -> {(a, b): block}."""
 
     name: str
     expression: Any

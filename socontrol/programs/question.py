@@ -25,7 +25,7 @@ class Expectation:
 
 @record(kw_only=True)
 class StrainBounds:
-    """Bounds of every rod in an optimisation: `bend`: |twist|, |bend| x section length [rad]; `stretch`, `shear`: [1]."""
+    """Bounds of every rod in an optimisation; `bend`: of |twist| and |bend| x section length [rad]."""
 
     bend: PositiveNumber = float(np.pi)
     stretch: tuple[Number, Number] = (-0.8, 4.0)
@@ -130,7 +130,9 @@ class Question:
     def _tightened(self, key, lower, upper):
         lower, upper = lower.copy(), upper.copy()
         for end, side in ((lower, 0), (upper, 1)):
-            pairs = {name: pair[side] for name, pair in (getattr(self.bounds, key) or {}).items() if pair[side] is not None}
+            pairs = {
+                name: pair[side] for name, pair in (getattr(self.bounds, key) or {}).items() if pair[side] is not None
+            }
             for i, value in self.named(key, pairs, f"bounds.{key}").items():
                 end[i] = max(end[i], value) if side == 0 else min(end[i], value)
         names = getattr(self.robot, key)
@@ -146,5 +148,3 @@ def read(raw, unit, path):
         return Unit(unit, angle=unit == "rad").read(raw)
     except ValueError as error:
         raise Bad(path, str(error)) from None
-
-

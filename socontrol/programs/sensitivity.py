@@ -35,7 +35,9 @@ def derivatives(solver, outcome, parameters):
     right = -np.vstack([dF[: x.numel()][free], dF[x.numel() :][rows]])
     values = np.linalg.svd(kkt, compute_uv=False)
     if values[-1] < SINGULAR * values[0]:
-        raise Degenerate("the optimality conditions are singular here: several input sets are equally good, or none moves")
+        raise Degenerate(
+            "the optimality conditions are singular here: several input sets are equally good, or none moves"
+        )
     dx = np.zeros((x.numel(), p.numel()))
     dx[free] = np.linalg.solve(kkt, right)[:size]
     dx *= program.scale[:, None]

@@ -94,7 +94,10 @@ SENTENCES = {  # Ipopt's return status: (outcome, sentence)
     "Diverging_Iterates": ("numerical", "The unknowns ran off to infinity; bound them."),
     "User_Requested_Stop": ("interrupted", "Stopped by the user; run again to go on."),
     "Feasible_Point_Found": ("solved", "A feasible point was found."),
-    "Maximum_Iterations_Exceeded": ("limit", "The iteration limit was reached; raise `max_iterations` or start nearer."),
+    "Maximum_Iterations_Exceeded": (
+        "limit",
+        "The iteration limit was reached; raise `max_iterations` or start nearer.",
+    ),
     "Restoration_Failed": ("numerical", "The solver found no way back to the constraints; start elsewhere."),
     "Error_In_Step_Computation": ("numerical", "The solver could not compute a step; start elsewhere or rescale."),
     "Maximum_CpuTime_Exceeded": ("limit", "The time limit was reached; raise `max_seconds`."),
@@ -169,7 +172,7 @@ class NLP:
         return self._solvers[warm]
 
     def solve(self, guess=None, parameters=None, bounds=None, warm=None):
-        """One call of the solver from {variable: SI guess}; `warm`: an earlier Outcome to start from, duals included."""
+        """One call of the solver from {variable: SI guess}, or from an earlier Outcome `warm` with its multipliers."""
         program = self.program
         lbx, ubx = program.bounds(bounds)
         lbg, ubg = program.limits()

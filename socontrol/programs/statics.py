@@ -49,7 +49,7 @@ class StaticsSolver:
 
 
 def looked_at(result, look, free, prescribed, residuals=None):
-    """The result with values, residuals, stability and discretisation; rejected if the recomputed force is too large."""
+    """The result with values, residuals, stability, discretisation; rejected if the recomputed force is too large."""
     q, u = result.arrays["q"], result.arrays["u"]
     residuals = {**(residuals or {}), **look.residuals(q, u, free)}
     status, collapsed = result.status, look.collapsed(q)
@@ -61,10 +61,14 @@ def looked_at(result, look, free, prescribed, residuals=None):
             f" {FORCE_TOLERANCE:g}; use more Gauss points (`quadrature`) or sections.",
         )
     elif judged and collapsed:
-        status = Status("rejected", f"Collapsed or over-bent: {', '.join(collapsed)}; bound the strains or use more sections.")
+        status = Status(
+            "rejected", f"Collapsed or over-bent: {', '.join(collapsed)}; bound the strains or use more sections."
+        )
     stable = look.stability(q, u, free)
     if status.solved and not stable.stable:
-        status = Status("solved", f"{status.message} The equilibrium is {stable.word}: a disturbance may carry it away.")
+        status = Status(
+            "solved", f"{status.message} The equilibrium is {stable.word}: a disturbance may carry it away."
+        )
     details = {**result.details, "stability": stable.sentence, "stable": stable.stable,
                "limits": look.limits_reached(q, u)}  # fmt: skip
     values = {**result.values, **look.values(q, u)}

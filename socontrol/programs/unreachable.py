@@ -13,7 +13,9 @@ def explain(solver, result, outcome, parameters):
     rows = []
     for limit in result.details["limits"]:
         needed = _alone(solver, limit, outcome, parameters)
-        rows.append({**{k: limit[k] for k in ("kind", "name", "side", "limit")}, "needed": needed, "unit": _unit(robot, limit)})
+        rows.append(
+            {**{k: limit[k] for k in ("kind", "name", "side", "limit")}, "needed": needed, "unit": _unit(robot, limit)}
+        )
     short = {}
     for name, miss in posture.misses(outcome.values["q"], parameters).items():
         if posture.goals[name].weight is None:
@@ -31,7 +33,7 @@ def _unit(robot, limit):
 
 
 def _alone(solver, limit, outcome, parameters):
-    """The value the limited quantity takes when this limit alone is lifted and the goal is met; None if it is not met."""
+    """The value the quantity takes when this limit alone is lifted and the goal is met; None if it is not met."""
     posture = solver.posture
     bounds = posture.limits()
     key, side = ("u", "q")[limit["kind"] == "coordinate"], limit["side"] == "upper"
@@ -54,13 +56,22 @@ def _sentence(short, rows):
     )
     text = f"Out of reach: the nearest posture misses {misses or 'the goal'}."
     for row in rows:
-        needed = "not by this limit alone" if row["needed"] is None else f"alone it would have to be {_pretty(row['needed'], row['unit'])}"
+        needed = (
+            "not by this limit alone"
+            if row["needed"] is None
+            else f"alone it would have to be {_pretty(row['needed'], row['unit'])}"
+        )
         text += f" {row['name']} is at its {row['side']} limit {_pretty(row['limit'], row['unit'])}: {needed}."
     return text if rows else text + " No limit is reached: the robot's geometry or load forbids it; move the goal."
 
 
 def _pretty(x, unit):
-    for base, factor, name in (("Pa", 1e-3, "kPa"), ("m", 1e3, "mm"), ("N m", 1e3, "mN m"), ("rad", 180 / np.pi, "deg")):
+    for base, factor, name in (
+        ("Pa", 1e-3, "kPa"),
+        ("m", 1e3, "mm"),
+        ("N m", 1e3, "mN m"),
+        ("rad", 180 / np.pi, "deg"),
+    ):
         if unit == base:
             return f"{x * factor:.4g} {name}"
     return f"{x:.4g} {unit}" if unit != "1" else f"{x:.4g}"

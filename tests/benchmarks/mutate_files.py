@@ -1,6 +1,6 @@
 """Damage the shipped files N times (default 10000) and count what `socontrol check` makes of it.
 
-    python tests/benchmarks/mutate_files.py [N] [FIRST_SEED]
+python tests/benchmarks/mutate_files.py [N] [FIRST_SEED]
 """
 
 import sys

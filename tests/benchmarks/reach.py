@@ -107,7 +107,9 @@ def reachable(solver, pose, rows):
     print(f"effort above the drawn one     {len(worse)} {worse or ''}")
     print(f"iterations                     median {np.median(iterations):.0f}, at most {max(iterations)}")
     print(f"attempts                       more than one: {sum(a > 1 for a in attempts)}")
-    print(f"time                           median {np.median(seconds) * 1e3:.1f} ms, at most {max(seconds) * 1e3:.1f} ms")
+    print(
+        f"time                           median {np.median(seconds) * 1e3:.1f} ms, at most {max(seconds) * 1e3:.1f} ms"
+    )
     return len(failed) + len(worse) + (max(residuals) > 1e-8) + (max(misses) > 1e-7)
 
 
@@ -132,8 +134,12 @@ def unreachable(solver, count, rng):
         if gap > beyond * (1 + 1e-6):
             farther.append((k, round(float(gap / beyond - 1), 6)))
     print(f"unreachable goals              {count}, refused with exit 4: {count - len(solved)} {solved or ''}")
-    print(f"nearest farther than support   {len(farther)} {farther or ''}; worst excess {max(gaps):.2g} of the distance")
-    print(f"time                           median {np.median(seconds) * 1e3:.0f} ms, at most {max(seconds) * 1e3:.0f} ms")
+    print(
+        f"nearest farther than support   {len(farther)} {farther or ''}; worst excess {max(gaps):.2g} of the distance"
+    )
+    print(
+        f"time                           median {np.median(seconds) * 1e3:.0f} ms, at most {max(seconds) * 1e3:.0f} ms"
+    )
     return len(solved) + len(farther)
 
 

@@ -58,9 +58,13 @@ def main(path):
         print(f"{n:17d} {build:9.2f} {cold * 1e3:9.1f} {warm * 1e3:9.1f} {statics * 1e6:12.0f}")
     x = np.log(SECTIONS)
     exponents = [np.polyfit(x[1:], np.log(rows[1:, k]), 1)[0] for k in range(4)]
-    print("fitted exponent from 2 on: " + ", ".join(
-        f"{name} {e:.2f}" for name, e in zip(("build", "cold", "warm", "residual + Jacobian"), exponents, strict=True)
-    ))
+    print(
+        "fitted exponent from 2 on: "
+        + ", ".join(
+            f"{name} {e:.2f}"
+            for name, e in zip(("build", "cold", "warm", "residual + Jacobian"), exponents, strict=True)
+        )
+    )
     _draw(rows, exponents, path)
 
 
