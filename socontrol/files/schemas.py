@@ -28,7 +28,7 @@ def schema_text(kind):
 
 
 def hoisted(whole):
-    """The schema with parts that stand in it more than once moved to `$defs`: a third of the size."""
+    """The schema with parts that stand in it more than once moved to `$defs`: half the size."""
     counts, names, definitions = Counter(), {}, dict(whole.get("$defs", {}))
 
     def count(node):

@@ -61,6 +61,10 @@ class Balance:
             q[index], free[index] = value, False
         u = np.asarray(u, dtype=float)
         solution, count, reached = self._newton(q, u, p, free, None, 40)
+        if not reached or not self._stands(solution, u, p, free):
+            rest, more, settled = self._settle(q, u, p, free, 60)
+            if settled:
+                solution, count, reached = rest, count + more, True
         if not reached:
             solution, more, reached = self._load_steps(q, u, p, free, max_iterations - count)
             count += more
@@ -86,6 +90,39 @@ class Balance:
                 q, r, K, merit, moved = self._search(q, step, (u, p, free, offset, size, force), r, K, merit)
                 if not moved:
                     return q, count + 1, bool(np.max(np.abs(r), initial=0.0) <= 1e-9)
+        return q, limit, False
+
+    def _stands(self, q, u, p, free):
+        """Whether an equilibrium is stable or marginal."""
+        _, K, _ = self._scaled(q, u, p, free, None, self.scales.q[free], self.scales.force[free])
+        return K.size == 0 or bool(np.min(np.linalg.eigvals(K).real) > -1e-9)
+
+    def _settle(self, q, u, p, free, limit):
+        """Implicit Euler steps of q' = -r with growing time steps: as a damped robot without mass comes to rest.
+
+        Source: C. Kelley, D. Keyes, SIAM J. Numer. Anal. 35 (1998), pseudo-transient continuation.
+        """
+        size, force = self.scales.q[free], self.scales.force[free]
+        rate, q = 1.0, q.copy()
+        r, K, _ = self._scaled(q, u, p, free, None, size, force)
+        for count in range(limit):
+            if not np.all(np.isfinite(K)) or np.max(np.abs(r), initial=0.0) <= TOLERANCE:
+                return q, count, bool(np.all(np.isfinite(K)))
+            shift = rate + max(0.0, -1.5 * np.linalg.eigvalsh((K + K.T) / 2)[0])
+            step = -np.linalg.solve(K + shift * np.eye(r.size), r)
+            longest = np.max(np.abs(step))
+            step *= min(1.0, LONGEST / 2 / longest)
+            trial = q.copy()
+            trial[free] += step * size
+            r1, K1, merit = self._scaled(trial, u, p, free, None, size, force)
+            if np.isfinite(merit) and step @ r1 <= 0.5 * abs(step @ r):  # not far beyond the rest along this step
+                q, r, K, rate = trial, r1, K1, rate / 3
+                if longest <= 4e-16 * (1 + np.max(np.abs(q[free] / size))):
+                    return q, count, bool(np.max(np.abs(r)) <= 1e-9)
+            else:
+                rate = max(4 * rate, 1e-3)
+                if rate > 1e8:
+                    return q, count, False
         return q, limit, False
 
     def _search(self, q, step, args, r, K, merit):

@@ -143,7 +143,7 @@ class AxisDirection:
         """
         axis = ca.DM(self.axis) / ca.norm_2(ca.DM(self.axis))
         a = se3.rotation(kin.frame_pose(locate(robot, self))) @ axis
-        across = ca.DM(self._across())
+        across = _turn(ca.DM(self.numbers()), target) @ ca.DM(self._across())
         return 2 * (across.T @ (a - target * ca.dot(a, target))) / (1 + ca.dot(a, target) + 1e-9)
 
     def reached(self, f, q):
