@@ -1,4 +1,4 @@
-"""socontrol: inverse statics, planning and code generation for robots made of rigid links, soft rods or both."""
+"""socontrol: inverse statics of robots made of rigid links, soft rods or both."""
 
 import importlib
 

@@ -38,6 +38,7 @@ from socontrol.records import (  # noqa: F401  everyone takes records and quanti
 from socontrol.units import KINDS, LONGEST, QUANTITY, kind_of, measure, scaled
 
 T = TypeVar("T")
+LARGEST = 1e15  # of any number in SI: moduli reach 1e12 Pa; more is a slip, and overflows in products
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,6 +130,8 @@ class Unit:
         given = given.strip() if isinstance(given, str) else show(given)
         if not math.isfinite(number):
             raise ValueError(f"{given} is not a finite number")
+        if abs(number) > LARGEST:
+            raise ValueError(f"{given} is too large: at most {LARGEST:g} in SI")
         if self.lower is not None and (number < self.lower or (self.exclusive and number == self.lower)):
             if self.lower == 0:
                 raise ValueError(f"{given} is {'not positive' if self.exclusive else 'negative'}")

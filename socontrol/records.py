@@ -127,7 +127,9 @@ class OneOf:
         if self.key not in value:
             raise Bad(self.key, f"missing key '{self.key}' ({self.what}: {joined(self.table)})")
         name = value[self.key]
-        if not isinstance(name, str) or name not in self.table:
+        if not isinstance(name, str):
+            raise Bad(self.key, f"{show(name)} is given; text is wanted: {joined(self.table)}")
+        if name not in self.table:
             raise Bad(self.key, f"unknown {self.what} {show(name)}{nearest(name, self.table)}")
         return self.table[name]
 

@@ -266,7 +266,7 @@ def test_energy_falls_along_the_holding_force_that_is_let_go():
     def potential(value):
         q = locked(value).require().arrays["q"]
         tip = array(f.pose("arm")(q))[:3, 3]
-        return array(f.energy(q))[0] - tip @ [0.01, 0.0, -0.05] + 0.4 * array(f.actuator_lengths(q))[0]
+        return array(f.energy(q, 0 * q))[1] - tip @ [0.01, 0.0, -0.05] + 0.4 * array(f.actuator_lengths(q))[0]
 
     held = locked(0.9).require()[f"holding.{name}"]
     np.testing.assert_allclose(held, (potential(0.9 + h) - potential(0.9 - h)) / (2 * h), rtol=1e-6)

@@ -1,5 +1,6 @@
 """The command line, used as a person would: each exit code, result folders, JSON, overrides, expectations."""
 
+import contextlib
 import importlib
 import json
 import os
@@ -301,6 +302,21 @@ def test_ctrl_c_exits_130_with_a_result_folder(folder):
     assert running.returncode == 130 and "Traceback" not in out + err
     content = json.loads((folder / "results/long/result.json").read_text())
     assert content["status"]["outcome"] == "interrupted"
+
+
+def test_ctrl_c_that_compiled_code_swallows_is_noticed(folder, socontrol, monkeypatch):
+    from socontrol.programs.inverse_statics import InverseStatics
+
+    def swallowed(self, progress=None):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        progress(1, 9, "one of many")
+        raise AssertionError("the run went on")
+
+    monkeypatch.setattr(InverseStatics, "solve", swallowed)
+    before = signal.getsignal(signal.SIGINT)
+    assert solve(socontrol, "reach.yaml", "far.yaml")[0] == 130
+    assert os.listdir(folder / "results") == ["reach"] and signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemError("an error with Ctrl-C behind it")])

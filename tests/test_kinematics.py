@@ -303,7 +303,7 @@ def test_places_that_differ_little_are_different_functions():
 
 
 def test_segments_whose_names_differ_in_punctuation_are_different_functions():
-    segments = {"arm 1": rod(), "arm_1": rod(length=0.5)}
+    segments = {"arm-1": rod(), "arm_1": rod(length=0.5)}
     description = Description(segments=segments)
     f, plain, q = Robot(description).functions(), Plain(description), np.ones(16)
     for name in segments:

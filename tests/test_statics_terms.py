@@ -70,7 +70,8 @@ def test_follower_loads_are_the_jacobian_transposed_times_the_wrench(case):
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_energy_is_that_of_fibres_and_of_weights(case):
     plain = Plain(replace(case.description, loads=None))
-    elastic, weight = array(case.functions.energy(case.q))
+    kinetic, elastic, weight = array(case.functions.energy(case.q, 0 * case.q))
+    assert kinetic == 0
     assert elastic == pytest.approx(plain.elastic_energy(case.q), rel=1e-11, abs=1e-14)
     assert weight == pytest.approx(plain.potential(case.q), rel=1e-11, abs=1e-14)
 
@@ -105,7 +106,7 @@ def test_actuation_is_the_gain_times_the_slope_of_the_length(case):
 
 
 @pytest.mark.parametrize("case", ACTUATED, ids=str)
-def test_lengths_are_those_of_polygons_and_joints_give_their_coordinate(case):
+def test_lengths_are_those_of_polygons_or_grow_by_the_push_and_joints_give_their_coordinate(case):
     expected = []
     for a in case.description.actuators.values():
         if isinstance(a, JointTorque):
@@ -114,8 +115,10 @@ def test_lengths_are_those_of_polygons_and_joints_give_their_coordinate(case):
             only = replace(case.description, actuators={"only": a})
             expected.append(np.abs(Plain(only).lengths(case.q)[0]) / getattr(a, "area", 1.0))
         else:
-            as_line = replace(case.description, actuators={"only": replace(a, direction="tangent")})
-            expected.append(Plain(as_line).lengths(case.q)[0] / a.area)
+            only = Plain(replace(case.description, actuators={"only": a}))
+            as_line = Plain(replace(case.description, actuators={"only": replace(a, direction="tangent")}))
+            pushed = only.lengths(case.q)[0] - only.lengths(0 * case.q)[0]
+            expected.append((as_line.lengths(0 * case.q)[0] + pushed) / a.area)
     assert gap(case.functions.actuator_lengths(case.q), np.array(expected)) < 1e-12
 
 

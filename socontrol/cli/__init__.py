@@ -4,6 +4,8 @@ Exit codes: 0 solved, 1 unexpected, 2 usage or path, 3 bad file, 4 infeasible, 5
 7 verification failed, 8 missing tool, 130 interrupted; of several problems the largest.
 """
 
+import errno
+import os
 import sys
 import warnings
 from enum import StrEnum
@@ -145,8 +147,10 @@ def doctor():
 
 def main(arguments=None):
     """Run the command line and leave with its exit code; every error is one line on stderr."""
-    for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="replace")  # an old terminal may not have every sign
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        getattr(sys, name).reconfigure(errors="replace")  # an old terminal may not have every sign
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
@@ -163,6 +167,9 @@ def run(arguments):
         sys.stdout = None
         return 0
     except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            say("the output cannot be written: no space left")
+            return 2
         if interrupted(error):
             say("interrupted")
             return 130

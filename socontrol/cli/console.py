@@ -14,15 +14,20 @@ def console(stream=None):
     stream = stream or sys.stdout
     watched = stream.isatty()
     plain = bool(os.environ.get("NO_COLOR")) or not watched
-    return Console(file=stream, color_system=None if plain else "auto", width=None if watched else WIDE,
+
+    class Plain(Console):
+        def on_broken_pipe(self):  # rich would leave with 1; who reads no further has seen enough
+            raise BrokenPipeError
+
+    return Plain(file=stream, color_system=None if plain else "auto", width=None if watched else WIDE,
                    highlight=False, markup=False)  # fmt: skip
 
 
 @contextmanager
-def progress(name, wanted=True):
-    """A callback (done, total, sentence) that shows a bar on stderr while it is watched, else None."""
+def progress(name, check, wanted=True):
+    """A callback (done, total, sentence) that calls `check` and, while stderr is watched, shows a line there."""
     if not wanted or not sys.stderr.isatty():
-        yield None
+        yield lambda done, total, sentence: check()
         return
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -31,6 +36,7 @@ def progress(name, wanted=True):
         task = bar.add_task(f"solving {name}", total=None)
 
         def show(done, total, sentence):
+            check()
             bar.update(task, completed=done, total=total, description=f"solving {name}: {sentence}")
 
         yield show

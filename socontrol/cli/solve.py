@@ -6,6 +6,7 @@ from pathlib import Path
 
 from socontrol.cli.console import console, progress
 from socontrol.cli.errors import INTERRUPTED, REJECTED, USAGE, interrupted, say, told, unexpected
+from socontrol.cli.interrupts import Interrupts
 from socontrol.files.expectations import compare
 from socontrol.files.problem_file import question_of, read_problem, solve, with_solver
 from socontrol.files.result_file import json_of, refuse_foreign, save
@@ -34,21 +35,23 @@ def solve_all(problems, settings):
         say(f"two problems are named '{twice}' and would share a result folder; solve them with a -o each")
         return USAGE
     code, documents = 0, []
-    for path in problems:
-        own, document = solve_one(path, settings)
-        code, documents = max(code, own), [*documents, document]
-        if own == INTERRUPTED:
-            break
+    with Interrupts() as interrupts:
+        for path in problems:
+            own, document = solve_one(path, settings, interrupts)
+            code, documents = max(code, own), [*documents, document]
+            if interrupts.seen or own == INTERRUPTED:
+                code = INTERRUPTED
+                break
     if settings.json:
         printed = documents if len(problems) > 1 else documents[0]
         print(json.dumps(printed, indent=2, allow_nan=False, ensure_ascii=False))
     return code
 
 
-def solve_one(path, settings):
+def solve_one(path, settings, interrupts):
     """(exit code, JSON document) of one problem."""
     try:
-        return _solved(path, settings)
+        return _solved(path, settings, interrupts)
     except (FileError, UnreadableFile) as error:
         code = told(error)
         message = str(error)
@@ -60,17 +63,18 @@ def solve_one(path, settings):
     return code, {"problem": str(path), "exit": code, "error": message}
 
 
-def _solved(path, settings):
+def _solved(path, settings, interrupts):
     document = read_problem(path, settings.overrides)
     question = question_of(document)
     if settings.verify and not document.data.get("expect"):
         raise document.error(("expect",), "missing key 'expect': --verify has nothing to compare with")
     folder = settings.output / path.stem
     refuse_foreign(folder)
-    with progress(path.stem, not settings.quiet) as show:
+    with progress(path.stem, interrupts.check, not settings.quiet) as show:
         result = _answer(with_solver(question, keep_log=True), document, show)
     comparisons = compare(document, result)
-    trouble = save(result, document, folder, comparisons, _draw if settings.figures else None)
+    wanted = settings.figures and result.status.exit_code != INTERRUPTED  # who stops wants to wait no longer
+    trouble = save(result, document, folder, comparisons, _draw if wanted else None)
     if trouble:
         say(trouble)
     code = exit_code(result, comparisons, settings.verify)

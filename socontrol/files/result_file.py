@@ -141,6 +141,8 @@ def _fill(folder, result, document, comparisons, draw):
     text = json.dumps(json_of(result, document, comparisons), indent=2, allow_nan=False, ensure_ascii=False)
     (folder / "result.json").write_text(text + "\n", encoding="utf-8")
     np.savez(folder / "arrays.npz", **result.arrays)
+    if "path.u" in result.arrays:
+        (folder / "path.csv").write_text(_path_table(result), encoding="utf-8")
     (folder / "problem.resolved.yaml").write_text(yaml_text(document.data), encoding="utf-8")
     (folder / "log.txt").write_text(_log(result), encoding="utf-8")
     if draw is None:
@@ -150,6 +152,16 @@ def _fill(folder, result, document, comparisons, draw):
     except Exception as error:  # the answer is worth more than its pictures
         return one_line(f"the figures could not be drawn: {type(error).__name__}: {error}")
     return None
+
+
+def _path_table(result):
+    """Inputs and position at each waypoint as comma-separated text, for a controller."""
+    robot, arrays = result.question.robot, result.arrays
+    inputs = [f"{name} [{unit}]" for name, unit in zip(robot.inputs, robot.input_units, strict=True)]
+    rows = [",".join(["waypoint", *inputs, "x [m]", "y [m]", "z [m]"])]
+    for k, (u, tip) in enumerate(zip(arrays["path.u"], arrays["path.tip"], strict=True)):
+        rows.append(",".join([str(k + 1), *(f"{x:.12g}" for x in (*u, *tip))]))
+    return "\n".join(rows) + "\n"
 
 
 def _log(result):

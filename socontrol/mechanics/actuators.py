@@ -4,7 +4,8 @@ A line runs at d(X) = (0, y, z) through a rod; its tangent is t = v / |v| with v
 E = [-skew(d) I]. Axial force N: -T in a cable of tension T, +P a in a chamber of pressure P and area a. Then
     tau = N int Phi^T E^T t ds = N d(length)/dq,   d tau/dq = N int Phi^T E^T (I - t t^T)/|v| E Phi ds.
 `direction: normal` lets a chamber push along the section's normal e1 instead. Through a joint a cable runs straight
-between the guide holes of its two sides. Source: F. Renda et al., RA-L 2020 (T there is N here).
+between the guide holes of its two sides. |v| and that chord have floors (LINE_FLOOR, CHORD_FLOOR) far below any real
+length, so that a line of no length keeps a finite force. Source: F. Renda et al., RA-L 2020 (T there is N here).
 """
 
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ from socontrol.quantities import (
 )
 
 E1 = ca.DM([1, 0, 0])
+LINE_FLOOR = 1e-12  # of |v|, 1 in a straight unstretched rod: its square vanishes in rounding unless |v| < 1e-4
+CHORD_FLOOR = 1e-9  # of a chord beside its own length at q = 0: its square vanishes in rounding above 1e-1
 
 
 @lru_cache(maxsize=1)
@@ -40,9 +43,14 @@ def line_element():
     xi, d, slope = ca.SX.sym("xi", 6), ca.SX.sym("d", 3), ca.SX.sym("slope", 3)
     E = ca.horzcat(-ca.skew(d), ca.DM.eye(3))
     v = E @ xi + slope
-    size = ca.norm_2(v)
+    size = _size(v)
     pull = E.T @ (v / size)
     return ca.Function("line_element", [xi, d, slope], [size, pull, (E.T @ E - pull @ pull.T) / size])
+
+
+def _size(v, floor=LINE_FLOOR):
+    """sqrt(v . v + floor^2): smooth, and above 0 where v [3] vanishes."""
+    return ca.sqrt(ca.dot(v, v) + floor**2)
 
 
 @dataclass(frozen=True)
@@ -92,21 +100,29 @@ class RodLine:
         return self.gain * ca.vertcat(ca.cross(d, t), t)
 
     def _direction(self, v):
-        return v / ca.norm_2(v)
+        return v / _size(v)
 
 
 @dataclass(frozen=True)
 class NormalLine(RodLine):
     """A chamber that pushes along the section normal: F_a = [d x e1; e1], whatever the strain."""
 
-    def force(self, tree, q):
+    def length(self, tree, q):
+        """int e1 . v ds [m], linear in q, shifted to int |v| ds at q = 0: force = gain d(length)/dq."""
         piece = tree.pieces[self.piece]
-        total = sum(w * ca.vertcat(ca.cross(d, E1), E1) for w, d, _ in self.nodes)
-        return self.gain * (piece.Phi.T @ total)
+        straight = self._sum(piece, ca.DM(tree.n, 1))[0]
+        return straight + self._pull().T @ (piece.Phi @ q[piece.columns])
+
+    def force(self, tree, q):
+        return self.gain * (tree.pieces[self.piece].Phi.T @ self._pull())
 
     def gradient(self, tree, q):
         size = tree.pieces[self.piece].size
         return ca.DM(size, size)
+
+    def _pull(self):
+        """int E^T e1 ds [6]."""
+        return sum(w * ca.vertcat(ca.cross(d, E1), E1) for w, d, _ in self.nodes)
 
     def _direction(self, v):
         return E1
@@ -114,7 +130,11 @@ class NormalLine(RodLine):
 
 @dataclass(frozen=True)
 class Chord:
-    """A straight run from `start` [3, base frame of a joint] to `stop` [3, its moving frame]."""
+    """A straight run from `start` [3, base frame of a joint] to `stop` [3, its moving frame].
+
+    Its length is sqrt(span^2 + floor^2), floor = CHORD_FLOOR |stop - start|: where the two holes meet, the direction
+    of pull is undefined, and the force passes smoothly through zero within about that distance.
+    """
 
     piece: int
     start: Any
@@ -124,16 +144,16 @@ class Chord:
     conservative = True
 
     def length(self, tree, q):
-        return ca.norm_2(self._span(tree, q)[1])
+        return self._size(self._span(tree, q)[1])
 
     def force(self, tree, q):
         g, span, S = self._span(tree, q)
-        t = span / ca.norm_2(span)
+        t = span / self._size(span)
         return self.gain * (S.T @ ca.vertcat(ca.cross(se3.transform(g, self.stop), t), t))
 
     def gradient(self, tree, q):
         g, span, S = self._span(tree, q)
-        size = ca.norm_2(span)
+        size = self._size(span)
         t, y = span / size, se3.transform(g, self.stop)
         E = ca.horzcat(-ca.skew(y), ca.DM.eye(3))
         turn = E.T @ ((ca.DM.eye(3) - t @ t.T) / size) @ E
@@ -144,6 +164,9 @@ class Chord:
     def _span(self, tree, q):
         g, S = tree.pieces[self.piece].step(q, 1.0)
         return g, se3.transform(g, self.stop) - self.start, S
+
+    def _size(self, span):
+        return _size(span, CHORD_FLOOR * _norm(self.stop - self.start))
 
 
 @dataclass(frozen=True)
@@ -220,11 +243,14 @@ def _route(offset, total):
 def lines(tree, along, offset, gain, span=(0.0, 1.0), kind=RodLine):
     """The pieces' shares of one line along the named segments, in order from `span[0]` to `span[1]` of the whole.
 
-    Raises Bad for unknown segments, joints where a chamber cannot run, and cables of no length through a joint.
+    Raises Bad for unknown segments, segments that are no chain, joints where a chamber cannot run, and cables of no
+    length through a joint.
     """
     for index, name in enumerate(along):
         if name not in tree.of:
             raise Bad(f"along.{index}", _unknown(name, tree))
+    for index, (before, name) in enumerate(zip(along, along[1:], strict=False), start=1):
+        _refuse_gap(tree, before, name, f"along.{index}")
     lengths = {name: _length(tree, name) for name in along}
     total = sum(lengths.values())
     route, done, shares = _route(offset, total), 0.0, []
@@ -243,6 +269,27 @@ def lines(tree, along, offset, gain, span=(0.0, 1.0), kind=RodLine):
             elif piece.size:
                 shares.append(_chord(tree, i, name, route, first, last, gain, kind))
     return shares
+
+
+def _refuse_gap(tree, before, name, key):
+    """Raise Bad unless `name` stands on the end of `before`, directly or on unnamed segments without motion."""
+    child = tree.segments[name]
+    while child.parent != before:
+        if child.parent == "world":
+            raise Bad(key, f"'{name}' does not stand on the end of '{before}'; name the segments in order, base first")
+        child, between = tree.segments[child.parent], child.parent
+        piece = tree.pieces[tree.of[between][0]]
+        if (piece.is_rod or piece.size) and before in _ancestors(tree, between):
+            what = "rod" if piece.is_rod else "joint"
+            raise Bad(key, f"{what} '{between}' stands between '{before}' and '{name}'; name it too")
+    if child.at != 1:
+        raise Bad(key, f"'{name}' does not stand on the end of '{before}' but at X = {child.at:g}")
+
+
+def _ancestors(tree, name):
+    """Names of the segments below a segment, down to its root."""
+    while (name := tree.segments[name].parent) != "world":
+        yield name
 
 
 def _covered(span, first, last):
@@ -307,6 +354,7 @@ class Tendon:
 
     def __post_init__(self):
         _some(self.along)
+        _refuse_empty("limits", self.limits)
         if self.from_ >= self.to:
             raise Bad("from", f"{self.from_:g} is not below to: {self.to:g}")
 
@@ -328,8 +376,11 @@ class Chamber:
 
     def __post_init__(self):
         _some(self.along)
+        _refuse_empty("limits", self.limits)
+        _refuse_empty("offset", self.offset)
 
     def offsets(self):
+        """(y, z) of each part of the chamber, or the one Converging."""
         several = isinstance(self.offset, tuple) and isinstance(self.offset[0], (tuple, list))
         return self.offset if several else (self.offset,)
 
@@ -352,6 +403,9 @@ class JointTorque:
     limits: Annotated[Any, Either(Limits[Number], tuple[Limits[Number], ...])] = None
     unit = "N m"
 
+    def __post_init__(self):
+        _refuse_empty("limits", self.limits)
+
     def resolve(self, tree):
         if self.joint not in tree.of:
             raise Bad("joint", _unknown(self.joint, tree))
@@ -370,6 +424,11 @@ def _some(along):
         raise Bad("along", "no segment is named")
     if len(set(along)) < len(along):
         raise Bad("along", "a segment is named twice")
+
+
+def _refuse_empty(key, value):
+    if isinstance(value, (tuple, list)) and not value:
+        raise Bad(key, "the list is empty; fill it or leave the key out")
 
 
 ACTUATORS = {"tendon": Tendon, "chamber": Chamber, "joint_torque": JointTorque}

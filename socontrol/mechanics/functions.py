@@ -5,7 +5,7 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
-from socontrol.lie import screws, se3, stumpff
+from socontrol.lie import screws, stumpff
 from socontrol.mechanics import internal
 from socontrol.mechanics.kinematics import Kinematics
 from socontrol.mechanics.statics import Statics
@@ -17,48 +17,56 @@ class RobotFunction:
     Takes numpy, DM, SX or MX and returns what CasADi returns; `.function` is the Function itself.
     """
 
-    def __init__(self, function, robot):
-        self.function, self._turn, self._coordinates = function, _turning(robot.tree), robot.coordinates
+    def __init__(self, function, turning):
+        self.function, self._turning = function, turning
 
-    def __call__(self, *args):
-        if args and self._turn is not None and not isinstance(args[0], (ca.SX, ca.MX)):
-            self._check(np.asarray(args[0], dtype=float).ravel())
-        return self.function(*args)
-
-    def _check(self, q):
-        matrix, offset, names, columns = self._turn
-        if q.size != columns:
-            raise ValueError(f"{self.function.name()}: {q.size} coordinates given, {columns} wanted")
-        if not np.all(np.isfinite(q)):
-            first = int(np.argmin(np.isfinite(q)))
-            raise ValueError(f"{self.function.name()}: coordinate {self._coordinates[first]} is {q[first]}")
-        angles = np.linalg.norm((matrix @ q + offset).reshape(-1, 3), axis=1)
-        if not np.all(angles <= stumpff.RANGE):
-            worst = int(np.argmax(angles))
-            raise ValueError(
-                f"{self.function.name()}: section {names[worst]} turns by {angles[worst]:.3g} rad; a section holds for"
-                f" up to 2 pi: use more sections or smaller strains"
-            )
+    def __call__(self, *args, **named):
+        if args and not any(isinstance(a, (ca.SX, ca.MX)) for a in args):
+            self._turning.check(self.function.name(), args[0], args[-1])
+        return self.function(*args, **named)
 
     def __getattr__(self, name):
+        if name in ("function", "_turning"):  # not yet made: while being copied or unpickled
+            raise AttributeError(name)
         return getattr(self.function, name)
 
     def __repr__(self):
         return repr(self.function)
 
 
-def _turning(tree):
-    """(matrix, offset, names, n): angle of each section = |matrix q + offset|, None without numeric rods."""
-    rows, offsets, names = [], [], []
-    for piece in tree.pieces:
-        if not piece.is_rod or not ca.SX(piece.xi_bar * piece.length).is_constant():
-            continue
-        block = np.zeros((3, tree.n))
-        block[:, piece.columns] = float(piece.length) * np.array(piece.Phi.full())[:3]
-        rows.append(block)
-        offsets.append(float(piece.length) * np.array(ca.DM(piece.xi_bar).full()).ravel()[:3])
-        names.append(f"{piece.segment}.{piece.index}")
-    return (np.vstack(rows), np.hstack(offsets), names, tree.n) if rows else None
+class Turning:
+    """How far each section of rod turns at numeric q (and p); more than the series holds for is an error."""
+
+    def __init__(self, tree, q, p):
+        self.coordinates, self._count = tree.coordinates, p.numel()
+        rods = [piece for piece in tree.pieces if piece.is_rod]
+        self.names = [f"{piece.segment}.{piece.index}" for piece in rods]
+        turns = ca.SX(ca.vertcat(*(piece.strain(q)[:3] * piece.length for piece in rods)))
+        if self._count:
+            self._turns = ca.Function("turns", [q, p], [turns])
+            return
+        slope = ca.Function("turns", [q], [ca.jacobian(turns, q), ca.substitute(turns, q, ca.DM.zeros(q.numel()))])
+        matrix, self._offset = (np.array(x.full()) for x in slope(0))
+        self._matrix, self._offset = matrix, self._offset.ravel()
+
+    def check(self, name, q, p):
+        """Raise ValueError naming the section or coordinate, at numeric q and parameters p."""
+        q = np.asarray(q, dtype=float).ravel()
+        if q.size != len(self.coordinates):
+            raise ValueError(f"{name}: {q.size} coordinates given, {len(self.coordinates)} wanted")
+        if not np.all(np.isfinite(q)):
+            first = int(np.argmin(np.isfinite(q)))
+            raise ValueError(f"{name}: coordinate {self.coordinates[first]} is {q[first]}")
+        if not self.names:
+            return
+        turns = np.array(self._turns(q, p)).ravel() if self._count else self._matrix @ q + self._offset
+        angles = np.linalg.norm(turns.reshape(-1, 3), axis=1)
+        if not np.all(angles <= stumpff.RANGE):
+            worst = int(np.argmax(angles))
+            raise ValueError(
+                f"{name}: section {self.names[worst]} turns by {angles[worst]:.3g} rad; a section holds for"
+                f" up to 2 pi: use more sections or smaller strains"
+            )
 
 
 class Functions:
@@ -74,6 +82,7 @@ class Functions:
         self.defaults = np.concatenate([*values.values()]) if values else np.zeros(0)
         self._p = ca.SX.sym("p", len(self.defaults))
         self._q = ca.SX.sym("q", robot.n)
+        self._qd = ca.SX.sym("qd", robot.n)
         self._u = ca.SX.sym("u", robot.m)
         pieces = ca.vertsplit(self._p, np.cumsum([0, *(v.size for v in values.values())]).tolist()) if values else []
         self.robot = robot.with_values(
@@ -84,18 +93,22 @@ class Functions:
     def _function(self, name, arguments, expression, outputs=None, place=None):
         key = name, place  # names of two places can agree: they hold six digits of X and plain letters
         if key not in self._made:
-            symbols = {"q": self._q, "u": self._u, "p": self._p}
+            symbols = {"q": self._q, "qd": self._qd, "u": self._u, "p": self._p}
             names = [*arguments, "p"] if self.parameters else list(arguments)
             results = expression()
             results = results if isinstance(results, (list, tuple)) else [results]
             results = [ca.densify(ca.SX(r)) for r in results]
             function = ca.Function(name, [symbols[n] for n in names], results, names, outputs or ["out"])
-            self._made[key] = RobotFunction(function, self.base)
+            self._made[key] = RobotFunction(function, self._turning)
         return self._made[key]
 
     def _at(self, kind, segment, X, arguments, expression):
         """Function of a place."""
         return self._function(_name(kind, segment, X), arguments, expression, place=(segment, X))
+
+    @cached_property
+    def _turning(self):
+        return Turning(self.robot.tree, self._q, self._p)
 
     @cached_property
     def _kin(self):
@@ -132,14 +145,8 @@ class Functions:
 
     @property
     def external_force(self):
-        """Generalised force [n] of gravity and loads (q, qd); qd plays no part while nothing depends on it."""
-        qd = ca.SX.sym("qd", self.robot.n)
-        if "external_force" not in self._made:
-            result = ca.cse(ca.densify(ca.SX(self._statics.external_force())))
-            p = [self._p] if self.parameters else []
-            function = ca.Function("external_force", [self._q, qd, *p], [result])
-            self._made["external_force"] = RobotFunction(function, self.base)
-        return self._made["external_force"]
+        """Generalised force [n] of gravity and loads (q, qd); no load of this version depends on qd."""
+        return self._function("external_force", ("q", "qd"), self._statics.external_force)
 
     @property
     def actuation(self):
@@ -177,19 +184,21 @@ class Functions:
 
     @property
     def energy(self):
-        """Elastic and gravitational energy [2] in J (q)."""
+        """Kinetic, elastic and gravitational energy [3] in J (q, qd)."""
 
         def energies():
-            return ca.vertcat(self._statics.elastic_energy(), internal.gravitational_energy(self.robot, self._kin))
+            kinetic = internal.kinetic_energy(self.robot, self._kin, self._qd)
+            gravitational = internal.gravitational_energy(self.robot, self._kin)
+            return ca.vertcat(kinetic, self._statics.elastic_energy(), gravitational)
 
-        return self._function("energy", "q", energies)
+        return self._function("energy", ("q", "qd"), energies)
 
     def internal_wrench(self, segment, X):
         """Elastic wrench [moment; force] at X of a rod that equilibrium asks for, body frame (q, u)."""
         return self._at("internal_wrench", segment, X, "qu", lambda: internal.wrench(self._statics, segment, X))
 
     def reaction(self, segment):
-        """Wrench on a segment from what carries it, at its base, base frame (q)."""
+        """Wrench [6] on a segment from what carries it, structure and cables together, at its base, base frame (q)."""
         return self._at("reaction", segment, 0, "q", lambda: internal.reaction(self._statics, segment))
 
     def screw(self, segment, section=0):
@@ -216,6 +225,3 @@ def _name(kind, segment, X):
     while "__" in text:
         text = text.replace("__", "_")
     return text.strip("_")
-
-
-__all__ = ["Functions", "RobotFunction", "se3"]

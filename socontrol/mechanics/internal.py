@@ -13,6 +13,7 @@ from socontrol.mechanics import loads as load_family
 from socontrol.mechanics import recursions
 from socontrol.mechanics.loads import Field, PointLoad
 from socontrol.model.quadrature import gauss_legendre
+from socontrol.model.tree import Frame
 
 
 def carried_beyond(statics, piece, x):
@@ -93,9 +94,25 @@ def wrench(statics, segment, X):
 
 
 def reaction(statics, segment):
-    """Wrench [6] on a segment from what carries it, at its base and in its base frame."""
+    """Wrench [6] on a segment from what carries it (structure and cables together), at its base, in its frame."""
     i = statics.robot.tree.of[segment][0]
     return -recursions.pulled(statics.kin.base(i), carried_beyond(statics, i, 0))
+
+
+def kinetic_energy(robot, kin, qd):
+    """sum eta^T M eta / 2 [J] over rods' slices and bodies, eta = J qd in the body frame."""
+    total = ca.DM(0)
+    for i, piece in enumerate(robot.tree.pieces):
+        if piece.is_rod:
+            masses = [(p.x, p.weight * piece.record.inertia_density(p)) for p in piece.slices]
+        elif piece.record.body is not None:
+            masses = [(1.0, piece.record.body.spatial_inertia())]
+        else:
+            masses = []
+        for x, M in masses:
+            eta = kin.jacobian(Frame(i, x, ca.DM.eye(4))) @ qd
+            total += ca.bilin(M, eta, eta) / 2
+    return total
 
 
 def gravitational_energy(robot, kin):

@@ -1,6 +1,7 @@
 """A robot: its description (what a file says) and what follows from it (tree, loads, actuators)."""
 
 import copy
+import re
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal
@@ -14,10 +15,11 @@ from socontrol.mechanics.loads import Load
 from socontrol.model.joints import JOINTS
 from socontrol.model.rods import Rod
 from socontrol.model.tree import build
-from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record
+from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record, show
 
 SEGMENTS = {"rod": Rod, **JOINTS}
 Segment = Annotated[Any, OneOf(SEGMENTS, what="segment")]
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")  # no dots: they separate the keys of a path and the parts of a name
 
 
 @record(kw_only=True)
@@ -34,6 +36,11 @@ class Description:
     def __post_init__(self):
         if not self.segments:
             raise Bad("segments", "a robot needs at least one segment")
+        for family, members in self.families().items():
+            for name in members:
+                _refuse_name(f"{family}.{name}", name)
+        if "world" in self.segments:
+            raise Bad("segments.world", "'world' is the frame that roots stand on; give the segment another name")
         Robot(self).check()
 
     def families(self):
@@ -146,10 +153,13 @@ class Robot:
 
     @cached_property
     def length(self):
-        """Sum of rod lengths and joint tips [m]: the size of the robot, for scaling."""
+        """Sum of rod lengths, joint tips and placements [m]: the size of the robot, for scaling.
+
+        Placements of roots do not count: where the robot stands in the world is not its size.
+        """
         total = 0.0
         for piece in self.tree.pieces:
-            offsets = [piece.placement[:3, 3], piece.end[:3, 3]]
+            offsets = [piece.end[:3, 3]] if piece.parent is None else [piece.placement[:3, 3], piece.end[:3, 3]]
             total += float(piece.length) * piece.is_rod + sum(float(ca.norm_2(x)) for x in offsets)
         return total or 1.0
 
@@ -215,6 +225,11 @@ class Robot:
         from socontrol.mechanics.functions import Functions
 
         return Functions(self, tuple(parameters))
+
+
+def _refuse_name(path, name):
+    if not (isinstance(name, str) and NAME.fullmatch(name)):
+        raise Bad(path, f"{show(name)} is no name; use letters, digits, _ or -, a letter or _ first")
 
 
 def _at(path, resolve, tree):

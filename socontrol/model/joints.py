@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import casadi as ca
 
 from socontrol.lie import se3
-from socontrol.model.bodies import Body, Placement
+from socontrol.model.bodies import Body, Placement, numbers_in, refuse_indefinite
 from socontrol.quantities import (
     AxialDamping,
     AxialStiffness,
@@ -53,9 +53,14 @@ class Lumped:
         n = len(self.units)
         for key in ("stiffness", "damping"):
             _check_shape(key, getattr(self, key), n, matrix=True)
+            _check_sign(key, getattr(self, key))
         _check_shape("rest", self.rest, n, matrix=False)
-        if self.limits is not None and len(self.limit_pairs()) != n:
-            raise Bad("limits", f"{len(self.limits)} pairs given, {n} wanted, one a degree of freedom")
+        if self.limits is None:
+            return
+        if n == 0:
+            raise Bad("limits", "a fixed joint has no coordinate to limit; leave the key out")
+        if len(self.limit_pairs()) != n:
+            raise Bad("limits", f"{len(self.limit_pairs())} pairs given, {n} wanted, one a degree of freedom")
 
     def Phi(self):
         """Basis of the joint twist [6 x n] in the base frame."""
@@ -64,13 +69,15 @@ class Lumped:
     def limit_pairs(self):
         """(lower, upper) of each degree of freedom."""
         limits = self.limits
-        return (limits,) if not isinstance(limits[0], (tuple, list)) else tuple(limits)
+        return (limits,) if limits and not isinstance(limits[0], (tuple, list)) else tuple(limits)
 
     def matrix(self, key):
         """`stiffness` or `damping` as an n x n matrix."""
         value, n = getattr(self, key), len(self.units)
         if not isinstance(value, (tuple, list)):
             return value * ca.DM.eye(n)
+        if n == 0:
+            return ca.DM(0, 0)
         if isinstance(value[0], (tuple, list)):
             return ca.vertcat(*(ca.horzcat(*row) for row in value))
         return ca.diag(ca.vertcat(*value))
@@ -90,6 +97,20 @@ def _check_shape(key, value, n, matrix):
         raise Bad(key, f"a number or a list of {n} is wanted" + (f", or {n} x {n}" if matrix else ""))
     if len(value) != n or any(len(row) != n for row in rows):
         raise Bad(key, f"{len(value)} entries given, {n} wanted, one a degree of freedom")
+
+
+def _check_sign(key, value):
+    """Refuse springs and dampers that would drive: numbers below 0, and matrices with a negative eigenvalue."""
+    if not isinstance(value, (tuple, list)):
+        value = (value,)
+        keys = (key,)
+    elif value and isinstance(value[0], (tuple, list)):
+        return refuse_indefinite(key, value)
+    else:
+        keys = [f"{key}.{index}" for index in range(len(value))]
+    for place, number in zip(keys, value, strict=True):
+        if numbers_in([number]) and number < 0:
+            raise Bad(place, f"a {key} of {number:g} is negative")
 
 
 def _angular(axis):
@@ -210,6 +231,9 @@ class Spherical(Lumped):
 class Free(Lumped):
     """Six degrees of freedom; coordinates are the twist whose exponential is the pose."""
 
+    limits: (
+        tuple[Limits[Radian], Limits[Radian], Limits[Radian], Limits[Metre], Limits[Metre], Limits[Metre]] | None
+    ) = None
     units = (ROTATION,) * 3 + (TRANSLATION,) * 3
 
     def Phi(self):

@@ -21,6 +21,7 @@ from socontrol.quantities import (
     OneOf,
     PoissonRatio,
     Viscosity,
+    is_symbolic,
     record,
 )
 
@@ -178,7 +179,8 @@ class Gent(_Hyperelastic):
     def __post_init__(self):
         _one_shear_law(self)
         for key in ("bend_limit", "stretch_limit"):
-            if isinstance(getattr(self, key), float) and getattr(self, key) == 0:
+            limit = getattr(self, key)
+            if not is_symbolic(limit) and limit == 0:
                 raise Bad(key, "0 is no limit; leave the key out for a linear law")
 
     def energy(self, eps, section):
@@ -212,4 +214,5 @@ class Energy(_Hyperelastic):
 
 
 MATERIALS = {"linear": Linear, "polynomial": Polynomial, "gent": Gent}
+NEED_SHAPE = (Polynomial, Gent)  # written in the section's radii of gyration, which `general` does not have
 Material = Annotated[Any, OneOf(MATERIALS, what="material", also=(Energy,))]

@@ -6,9 +6,9 @@ import casadi as ca
 
 from socontrol.model.bases import STRAIN_SETS, STRAINS, XI_BAR, active_strains, selection
 from socontrol.model.bodies import Placement
-from socontrol.model.materials import Material, inertia_density
+from socontrol.model.materials import NEED_SHAPE, Material, inertia_density
 from socontrol.model.quadrature import gauss_legendre
-from socontrol.model.sections import Profile, is_uniform, section_at
+from socontrol.model.sections import General, Profile, is_uniform, section_at
 from socontrol.model.steps import Slice
 from socontrol.quantities import (
     Bad,
@@ -60,6 +60,10 @@ class Rod:
             raise Bad("sections", f"the fractions sum to {sum(self.sections):g}, not 1; or give the number of sections")
         if self.quadrature > 64:
             raise Bad("quadrature", f"{self.quadrature} Gauss points a section; at most 64")
+        if isinstance(self.material, NEED_SHAPE) and isinstance(section_at(self.cross_section, 0.0), General):
+            kind = type(self.material).__name__.lower()
+            sentence = f"'{kind}' needs a cross-section with a shape, not 'general'; use a linear material"
+            raise Bad("material", sentence)
         count = len(self.boundaries()) - 1
         for name, value in (self.rest or {}).items():
             if name not in STRAINS:

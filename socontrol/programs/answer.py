@@ -2,14 +2,17 @@
 
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
-from socontrol.mechanics.loads import PointLoad
+from socontrol.lie import so3
 from socontrol.programs import check
+from socontrol.programs.balance import Balance
 from socontrol.programs.result import Value
 from socontrol.programs.stability import stability
 
 FORCE_TOLERANCE = 1e-8  # recomputed unbalanced force over the largest elastic (or external) force
+SMALLEST_FORCE = 1e-4  # of what bends a section by a radian: smaller largest forces count as that, not as noise
 ACTIVE = 1e-6  # of the limits' span: closer counts as on the limit
 
 
@@ -34,17 +37,17 @@ class Look:
                 for i in range(piece.columns.start, piece.columns.stop):
                     values[f"coordinates.{robot.coordinates[i]}"] = Value(float(q[i]), robot.coordinate_units[i])
         for segment in robot.segments:
-            g = np.array(f.pose(segment, 1.0)(q))
+            g = np.array(f.pose(segment, 1.0).function(q))
             values[f"{segment}.position"] = Value(g[:3, 3].tolist(), "m")
             values[f"{segment}.rotation"] = Value(rotation_vector(g[:3, :3]).tolist(), "rad")
         if robot.m:
-            lengths = np.array(f.actuator_lengths(q)).ravel()
+            lengths = np.array(f.actuator_lengths.function(q)).ravel()
             units = ["rad" if unit == "N m" else "m" for unit in robot.input_units]
             for name, unit, x in zip(robot.inputs, units, lengths, strict=True):
                 values[f"lengths.{name}"] = Value(float(x), unit)
         for segment, wrench in self._checker.reactions(q).items():
             values[f"reaction.{segment}"] = Value(wrench.tolist(), "N m, N")
-        elastic, gravitational = np.array(f.energy(q)).ravel()
+        _, elastic, gravitational = np.array(f.energy.function(q, np.zeros(robot.n))).ravel()
         values["energy.elastic"] = Value(float(elastic), "J")
         values["energy.gravitational"] = Value(float(gravitational), "J")
         return values
@@ -54,7 +57,7 @@ class Look:
         r, elastic, external, actuation = self._checker(q, u)
         scale = self.balance.scales.force
         parts = np.concatenate([np.abs(p / scale)[free] for p in (elastic, external, actuation)])
-        largest = max(float(np.max(parts, initial=0.0)), 1e-300)
+        largest = max(float(np.max(parts, initial=0.0)), SMALLEST_FORCE)
         worst = float(np.max(np.abs(r / scale)[free], initial=0.0))
         own = np.abs(np.array(self.balance.evaluate(q, u)[0]) / scale)[free]
         return {
@@ -65,47 +68,50 @@ class Look:
     def stability(self, q, u, free):
         """Stability at (q, u) on the free coordinates."""
         tangent = np.array(self.balance.evaluate(q, u)[1])
-        conservative = all(load.conservative for load in self.robot.loads if isinstance(load, PointLoad))
+        tree = self.robot.tree
+        conservative = self.balance.conservative and all(
+            line.conservative or tree.pieces[line.piece].is_screw
+            for value, shares in zip(u, self.robot.lines, strict=True)
+            for line in shares
+            if value
+        )
         return stability(tangent, self.balance.scales, conservative, free)
 
     def limits_reached(self, q, u):
-        """Sentences for inputs and coordinates that stand on a limit."""
-        reached = []
+        """Rows (kind, name, side, limit, index, beyond) of what is on or past a limit; given values only if past."""
+        rows, question = [], self.question
         for key, x, (lower, upper) in (
-            ("inputs", u, self.question.input_limits()),
-            ("coordinates", q, self.question.coordinate_limits()),
+            ("inputs", u, question.input_limits()),
+            ("coordinates", q, question.coordinate_limits(strains=question.optimises)),
         ):
-            names = getattr(self.robot, key)
+            given, names = question.named(key, getattr(question, key)), getattr(self.robot, key)
             for i, name in enumerate(names):
                 span = upper[i] - lower[i] if np.isfinite(upper[i] - lower[i]) else max(1.0, abs(x[i]))
-                if span == 0:
-                    continue
                 for side, limit, gap in (("lower", lower[i], x[i] - lower[i]), ("upper", upper[i], upper[i] - x[i])):
-                    if gap <= ACTIVE * span:
-                        reached.append(
-                            {"kind": key[:-1], "name": name, "side": side, "limit": float(limit), "index": i}
-                        )
-        return reached
+                    if gap < -ACTIVE * span or (i not in given and span > 0 and gap <= ACTIVE * span):
+                        beyond = max(0.0, float(-gap)) if gap < -ACTIVE * span else 0.0
+                        row = {"kind": key[:-1], "name": name, "side": side, "limit": float(limit), "index": i}
+                        rows.append({**row, "beyond": beyond})
+        return rows
 
     def doubled(self, q, u, prescribed):
         """Change of each end frame's position when every section is halved, in metres; None when that fails."""
-        from socontrol.programs.balance import Balance
-
         fine = self.robot.refined(sections=2)
         if fine.n == self.robot.n:
             return {}
         balance = Balance(fine)
         start = _spread(self.robot, fine, q)
-        held = {fine.coordinates.index(self.robot.coordinates[i]): x for i, x in prescribed.items()
-                if self.robot.coordinates[i] in fine.coordinates}  # fmt: skip
+        marks = np.zeros(self.robot.n)
+        marks[list(prescribed)] = 1.0
+        held = {int(i): start[i] for i in np.flatnonzero(_spread(self.robot, fine, marks))}
         answer = balance.solve(u, start, prescribed=held)
         if not answer.status.solved:
             return None
         f = fine.functions()
         changes = {}
         for segment in self.robot.segments:
-            before = np.array(self.functions.pose(segment, 1.0)(q))[:3, 3]
-            changes[segment] = float(np.linalg.norm(np.array(f.pose(segment, 1.0)(answer.q))[:3, 3] - before))
+            before = np.array(self.functions.pose(segment, 1.0).function(q))[:3, 3]
+            changes[segment] = float(np.linalg.norm(np.array(f.pose(segment, 1.0).function(answer.q))[:3, 3] - before))
         return changes
 
     def collapsed(self, q):
@@ -132,8 +138,4 @@ def _spread(robot, fine, q):
 
 def rotation_vector(R):
     """Rotation vector [3] of R, in numpy, any angle up to pi."""
-    import casadi as ca
-
-    from socontrol.lie import so3
-
     return np.array(so3.log(ca.DM(R))).ravel()

@@ -70,7 +70,7 @@ class Balance:
             count += more
         residual = np.array(self.evaluate(solution, u, p)[0])
         residual[~free] = 0.0
-        return Equilibrium(solution, residual, count, _status(reached, solution, count, max_iterations))
+        return Equilibrium(solution, residual, count, _status(reached, residual, count, max_iterations))
 
     def _newton(self, q, u, p, free, offset, limit):
         """Damped Newton steps on r(q) - offset; returns (q, iterations, converged)."""
@@ -178,13 +178,14 @@ def _direction(K, r):
         return -(step + r - K @ step)
 
 
-def _status(reached, q, count, limit):
+def _status(reached, residual, count, limit):
     if reached:
         return Status("solved", "In equilibrium.")
-    if not np.all(np.isfinite(q)):
+    if not np.all(np.isfinite(residual)):
         return Status("numerical", "The model gave NaN or infinity on the way; lower loads or inputs.")
     if count >= limit:
-        return Status("limit", "No equilibrium within the iteration limit; raise it, start nearer, or lower the loads.")
+        sentence = "No equilibrium within the iteration limit; raise the solver's `max_iterations` or lower the loads."
+        return Status("limit", sentence)
     return Status(
         "infeasible", "No equilibrium was found by load steps: the robot may buckle on the way; lower loads or inputs."
     )

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import casadi as ca
 import numpy as np
 
-from socontrol.quantities import Bad, Number, OneOf, PositiveNumber, nearest, record
+from socontrol.quantities import Bad, OneOf, PositiveNumber, Unit, nearest, record
 
 
 @record(kw_only=True)
@@ -21,10 +21,10 @@ class Effort:
 
 @record(kw_only=True)
 class Reference:
-    """Half the squared distance to given coordinates and inputs (SI, by name), each over its scale."""
+    """Half the squared distance to given coordinates and inputs (by name), each over its scale."""
 
-    coordinates: dict[str, Number] | None = None
-    inputs: dict[str, Number] | None = None
+    coordinates: dict[str, Any] | None = None
+    inputs: dict[str, Any] | None = None
     weight: PositiveNumber = 1.0
 
     def __post_init__(self):
@@ -33,15 +33,20 @@ class Reference:
 
     def expression(self, posture):
         total = 0
-        for key, names, x, scale in (
-            ("coordinates", posture.robot.coordinates, posture.q, posture.q_scale),
-            ("inputs", posture.robot.inputs, posture.u, posture.u_scale),
+        robot = posture.robot
+        for key, names, units, x, scale in (
+            ("coordinates", robot.coordinates, robot.coordinate_units, posture.q, posture.q_scale),
+            ("inputs", robot.inputs, robot.input_units, posture.u, posture.u_scale),
         ):
             for name, value in (getattr(self, key) or {}).items():
                 if name not in names:
                     raise Bad(f"{key}.{name}", f"the robot has no '{name}'{nearest(name, names)}")
                 i = names.index(name)
-                total += ((x[i] - value) / float(np.asarray(scale)[i])) ** 2 / 2
+                try:
+                    number = Unit(units[i], angle=units[i] == "rad").read(value)
+                except ValueError as error:
+                    raise Bad(f"{key}.{name}", str(error)) from None
+                total += ((x[i] - number) / float(np.asarray(scale)[i])) ** 2 / 2
         return self.weight * total
 
 

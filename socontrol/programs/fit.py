@@ -36,7 +36,10 @@ from socontrol.quantities import (
 
 @record(kw_only=True)
 class Measurement:
-    """Inputs and where the frame then stood; `tilt`: angle between its x axis and that at rest. use: fit or test."""
+    """Inputs and where the frame then stood; `tilt`: angle between its x axis and that of the straight robot.
+
+    use: `fit` or `test`.
+    """
 
     inputs: Named
     position: Position
@@ -134,14 +137,20 @@ def solve(question, progress=None):
         if outcome.status.outcome == "interrupted":
             raise KeyboardInterrupt
         count += outcome.iterations
+        if not outcome.status.solved:
+            statuses.append(Status(outcome.status.outcome, f"{label}: {outcome.status.message}"))
+            continue
         rows = _compared(question, balance, factor, outcome.values["theta"])
-        statuses.append(outcome.status if rows["status"].solved else rows["status"])
+        statuses.append(rows["status"])
+        if not rows["status"].solved:
+            statuses[-1] = Status(rows["status"].outcome, f"{label}: {rows['status'].message}")
+            continue
         details[label] = {"parameters": _by_path(question, name, outcome.values["theta"])}
         for key in ("position", "tilt", "tilt_error", "position_error"):
             arrays[f"{label}.{key}"] = rows[key]
         values |= _summary(question, label, rows)
         for path, fitted in details[label]["parameters"].items():
-            values[f"{label}.{path}"] = Value(fitted, "SI")
+            values[f"{label}.{path}"] = Value(fitted, "")
         if progress:
             progress(k + 1, len(cases), label)
     values |= _ratios(question, values)
@@ -216,10 +225,15 @@ def _fitted(question, name, factor, balance):
         )
         program.constrain(f"equilibrium.{k}", residual, scale=scales.force, tangent={f"q{k}": tangent, "theta": slope})
         g = pose(q, theta)
-        cosine = ca.dot(se3.rotation(g)[:, 0], axis)
+        tilt = _angle(se3.rotation(g)[:, 0], axis)
         program.minimize(ca.sumsqr((se3.position(g) - ca.DM(row.position)) / question.scale.position) / 2)
-        program.minimize(((ca.acos(cosine) - row.tilt) / question.scale.tilt) ** 2 / 2)
+        program.minimize(((tilt - row.tilt) / question.scale.tilt) ** 2 / 2)
     return NLP(program, question.solver).solve()
+
+
+def _angle(a, b):
+    """Angle [rad] between unit vectors, smooth to 1e-9 rad where they agree."""
+    return ca.atan2(ca.sqrt(ca.sumsqr(ca.cross(a, b)) + 1e-18), ca.dot(a, b))
 
 
 def _compared(question, balance, factor, theta):
@@ -234,7 +248,7 @@ def _compared(question, balance, factor, theta):
             status = answer.status
         g = np.array(pose(answer.q, theta))
         positions.append(g[:3, 3])
-        tilts.append(np.arccos(np.clip(g[:3, 0] @ axis, -1, 1)))
+        tilts.append(float(_angle(ca.DM(g[:3, 0]), ca.DM(axis))))
     positions, tilts = np.array(positions), np.array(tilts)
     measured = np.array([row.position for row in question.measurements])
     tilt = np.array([row.tilt for row in question.measurements])

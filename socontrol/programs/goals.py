@@ -1,7 +1,9 @@
 """Goals: what the robot should hold. A goal without weight is met exactly; with a weight its miss joins the cost.
 
-Each record gives `size` rows of miss(kin, target) in `units`, zero when met, `scales` to divide them by, and its
-target as a flat list of numbers, so that a program keeps targets as parameters and can be solved again for others.
+Each record gives rows of miss(kin, target) in `units`, zero when met, `scales` to divide them by, and its target as
+a flat list of numbers, so that a program keeps targets as parameters and can be solved again for others. Where the
+rows a solver likes are not what a person would measure, a record adds `measured`, `distance` (for nearest postures)
+and `guard` (positive on the right side).
 """
 
 from typing import Annotated, Any
@@ -28,6 +30,12 @@ from socontrol.quantities import (
 
 MOST_WAYPOINTS = 100_000
 PartialPosition = Annotated[tuple[Metre | None, Metre | None, Metre | None], Numbers(3)]
+
+
+def _unit(direction):
+    """Unit vector along a direction of any size."""
+    direction = np.array(direction, dtype=float) / np.max(np.abs(direction))
+    return direction / np.linalg.norm(direction)
 
 
 def locate(robot, goal):
@@ -128,7 +136,7 @@ class AxisDirection:
     weight: PositiveNumber | None = None
 
     def numbers(self):
-        return list(np.array(self.target) / np.linalg.norm(self.target))
+        return list(_unit(self.target))
 
     def units(self):
         return ["rad"] * 2
@@ -137,17 +145,38 @@ class AxisDirection:
         return [1.0] * 2
 
     def miss(self, robot, kin, target):
-        """The axis a across the target t, in two directions of the target's plane, stretched by 2 / (1 + a.t).
+        """The two components of the axis across the target; the opposite direction is excluded by `guard`."""
+        return self._beside(target).T @ self._direction(robot, kin)
 
-        The stretch (twice the tangent of half the angle) tells opposite from aligned, where a x t is zero too.
-        """
-        axis = ca.DM(self.axis) / ca.norm_2(ca.DM(self.axis))
-        a = se3.rotation(kin.frame_pose(locate(robot, self))) @ axis
-        across = _turn(ca.DM(self.numbers()), target) @ ca.DM(self._across())
-        return 2 * (across.T @ (a - target * ca.dot(a, target))) / (1 + ca.dot(a, target) + 1e-9)
+    def guard(self, robot, kin, target):
+        """Positive on the target's side: cosine of the angle between axis and target."""
+        return ca.dot(self._direction(robot, kin), target)
+
+    def distance(self, robot, kin, target):
+        """Chord between axis and target [3]: what a nearest posture makes small."""
+        return self._direction(robot, kin) - target
+
+    def measured(self, robot, kin, target):
+        """The angle between axis and target [rad], as a vector [2] across the target."""
+        a = self._direction(robot, kin)
+        beside = self._beside(target).T @ a
+        size = ca.norm_2(beside)
+        away = ca.if_else(size > 1e-12, beside / ca.fmax(size, 1e-12), ca.DM([1, 0]))
+        return ca.atan2(size, ca.dot(a, target)) * away
+
+    def _direction(self, robot, kin):
+        axis = ca.DM(_unit(self.axis))
+        return se3.rotation(kin.frame_pose(locate(robot, self))) @ axis
+
+    def _beside(self, target):
+        """Two directions [3 x 2] across the target: those of the declared one, turned with it."""
+        declared = ca.DM(self.numbers())
+        v, c = ca.cross(declared, target), ca.dot(declared, target)
+        turn = ca.DM.eye(3) + ca.skew(v) + ca.skew(v) @ ca.skew(v) / (1 + c + 1e-12)
+        return turn @ ca.DM(self._across())
 
     def reached(self, f, q):
-        axis = np.array(self.axis) / np.linalg.norm(self.axis)
+        axis = _unit(self.axis)
         return np.array(f.pose(self.on, self.at)(q))[:3, :3] @ axis
 
     def _across(self):
@@ -222,8 +251,9 @@ class Circle:
             raise Bad("count", f"{self.count} waypoints; at most {MOST_WAYPOINTS}")
 
     def waypoints(self):
-        n = np.array(self.normal) / np.linalg.norm(self.normal)
-        e = np.array(self.start) - n * np.dot(n, self.start)
+        n = _unit(self.normal)
+        e = _unit(self.start)
+        e = e - n * np.dot(n, e)
         if np.linalg.norm(e) < 1e-9:
             raise Bad("start", "it is along the normal; give a direction in the circle's plane")
         e = e / np.linalg.norm(e)
@@ -268,7 +298,11 @@ class Path:
     weight: PositiveNumber | None = None
 
     def __post_init__(self):
-        if len(self.waypoints()) < 2:
+        try:
+            count = len(self.waypoints())
+        except Bad as bad:
+            raise Bad(f"target.{bad.key}", str(bad)) from None
+        if count < 2:
             raise Bad("target", "a path needs at least two waypoints")
 
     def waypoints(self):

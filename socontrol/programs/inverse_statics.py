@@ -12,12 +12,14 @@ import numpy as np
 from socontrol.programs.answer import Look
 from socontrol.programs.balance import Balance, load_parameters
 from socontrol.programs.costs import Cost
-from socontrol.programs.goals import Goal, Path
+from socontrol.programs.goals import Goal, Path, locate
+from socontrol.programs.paths import follow
 from socontrol.programs.posture import Posture
 from socontrol.programs.question import Question
 from socontrol.programs.result import Result, Status, Value
+from socontrol.programs.sensitivity import sensitivities
 from socontrol.programs.statics import looked_at
-from socontrol.programs.unreachable import explain
+from socontrol.programs.unreachable import explain, pretty
 from socontrol.quantities import Bad, Flag, record
 
 GOAL_TOLERANCE = 1e-7  # of the robot's length, or radians
@@ -34,6 +36,7 @@ class InverseStatics(Question):
     goals: dict[str, Goal]
     costs: dict[str, Cost] | None = None
     sensitivities: Flag = False
+    optimises = True
 
     def __post_init__(self):
         super().__post_init__()
@@ -45,6 +48,14 @@ class InverseStatics(Question):
             raise Bad("goals", "the robot has no actuators that could meet a goal; add `actuators:` to its file")
         for name, goal in self.goals.items():
             _locate(self.robot, name, goal)
+        self._refuse_given_beyond_limits()
+
+    def _refuse_given_beyond_limits(self):
+        for key, (lower, upper) in (("inputs", self.input_limits()), ("coordinates", self.coordinate_limits())):
+            for i, value in self.named(key, getattr(self, key)).items():
+                if not lower[i] <= value <= upper[i]:
+                    name = getattr(self.robot, key)[i]
+                    raise Bad(f"{key}.{name}", f"{value:g} is outside its limits [{lower[i]:g}, {upper[i]:g}] (SI)")
 
     def prepare(self):
         return InverseSolver(self)
@@ -54,8 +65,6 @@ class InverseStatics(Question):
 
 
 def _locate(robot, name, goal):
-    from socontrol.programs.goals import locate
-
     try:
         locate(robot, goal)
     except Bad as bad:
@@ -198,8 +207,18 @@ class InverseSolver:
                     return found
         if best is None:
             return outcome
-        status = Status("infeasible", "The goal is out of reach; the nearest reachable posture is returned.")
-        return replace(best, status=status)
+        return replace(best, status=self._verdict(best, outcome, parameters))
+
+    def _verdict(self, best, exact, parameters):
+        """Status of the nearest posture found when the exact program failed from every start."""
+        if self.meets(best, parameters):
+            sentence = "Solved; the goal's conditions are singular there, so that the cost may not be the least."
+            return Status("solved", sentence)
+        if "More conditions" in exact.status.message:
+            return Status("infeasible", exact.status.message)
+        if exact.status.outcome == "numerical" and self.meets(best, parameters, 1e-4):
+            return Status("numerical", f"The goal is nearly met, then: {exact.status.message}")
+        return Status("infeasible", "The goal is out of reach; the nearest reachable posture is returned.")
 
     def meets(self, outcome, parameters, tolerance=GOAL_TOLERANCE):
         """Whether every unweighted goal is met within `tolerance` of the robot's length (or radians)."""
@@ -220,8 +239,6 @@ class InverseSolver:
     def solve(self, targets=None, start=None, warm=None, progress=None):
         """The answer as a Result: inputs, posture, residuals; a path gives one answer with arrays over waypoints."""
         if self.path:
-            from socontrol.programs.paths import follow
-
             return follow(self, progress)
         began = time.perf_counter()
         outcome, attempts = self.find(targets or {}, start, warm)
@@ -246,14 +263,20 @@ class InverseSolver:
             for unit in dict.fromkeys(units):
                 key = f"goals.{name}" if unit == units[0] else f"goals.{name}.{unit}"
                 residuals[key] = Value(float(np.linalg.norm(miss[units == unit])), str(unit))
+        if outcome.status.solved:
+            missed = [
+                f"{n} missed by {pretty(residuals[f'goals.{n}'].value, residuals[f'goals.{n}'].unit)}"
+                for n, goal in posture.goals.items()
+                if goal.weight is not None and residuals[f"goals.{n}"].value > GOAL_TOLERANCE
+            ]
+            sentence = f"{outcome.status.message.rstrip('.')}; weighted goal {', '.join(missed)}."
+            result = replace(result, status=Status("solved", sentence)) if missed else result
         result = looked_at(result, self.look, posture.free, posture.prescribed, residuals)
         if result.status.solved and not self.meets(outcome, parameters):
             status = Status("rejected", "The recomputed goal is missed; tighten the solver's tolerance.")
             result = Result(**{**vars(result), "status": status})
-        if outcome.status.outcome == "infeasible":
+        if result.status.outcome == "infeasible":
             result = explain(self, result, outcome, parameters)
         if question.sensitivities and result.status.solved:
-            from socontrol.programs.sensitivity import sensitivities
-
             result.details["sensitivities"] = sensitivities(self, outcome, parameters)
         return result

@@ -18,6 +18,9 @@ from socontrol.programs.program import Program
 from socontrol.programs.solver import NLP
 from socontrol.quantities import Bad
 
+NEAREST = 100.0  # weight of a miss over the robot's length in the search for the nearest posture
+SECOND = 1e-9  # of all else there: enough to single out one of several nearest postures
+
 
 class Posture:
     """Expressions and programs of one question; `goals` {name: record} without paths."""
@@ -39,6 +42,11 @@ class Posture:
         return self._nlp(True)
 
     @cached_property
+    def freed(self):
+        """The exact NLP that keeps near an `anchor` (scaled x) with the weights `pull`, before all other costs."""
+        return self._nlp(False, anchored=True)
+
+    @cached_property
     def free(self):
         """Mask [n] of coordinates that are not prescribed."""
         mask = np.ones(self.robot.n, dtype=bool)
@@ -57,7 +65,7 @@ class Posture:
                 pairs[key][0][i] = pairs[key][1][i] = value
         return pairs
 
-    def _nlp(self, nearest):
+    def _nlp(self, nearest, anchored=False):
         robot, s, limits = self.robot, self.scales, self.limits()
         program = Program(ca.SX.sym)
         q = program.variable("q", robot.n, scale=s.q, lower=limits["q"][0], upper=limits["q"][1])
@@ -71,25 +79,44 @@ class Posture:
         )  # fmt: skip
         for name, goal in self.goals.items():
             target = program.parameter(f"target.{name}", goal.numbers())
-            miss, scale = _miss(name, goal, robot, terms.kin, target), np.array(goal.scales(robot.length))
+            scale = np.array(goal.scales(robot.length))
             if nearest or goal.weight is not None:
-                weight = 1.0 if goal.weight is None else goal.weight
-                program.minimize((100.0 if nearest else 1.0) * weight * ca.sumsqr(miss / ca.DM(scale)) / 2)
-            else:
-                program.constrain(f"goals.{name}", miss, scale=scale, unit=goal.units())
-        weight = 1e-9 if nearest else 1.0  # enough to single out one of several nearest postures
+                weight = NEAREST if goal.weight is None else goal.weight * (SECOND if nearest else 1.0)
+                distance = _rows(name, goal, "distance", robot, terms.kin, target)
+                sizes = ca.DM(np.resize(scale, distance.numel()))
+                program.minimize(weight * ca.sumsqr(distance / sizes) / 2)
+                continue
+            miss = _rows(name, goal, "miss", robot, terms.kin, target)
+            program.constrain(f"goals.{name}", miss, scale=scale, unit=goal.units())
+            if hasattr(goal, "guard"):
+                side = goal.guard(robot, terms.kin, target)
+                program.constrain(f"goals.{name}.side", side, upper=np.inf)
+        weight = SECOND if nearest else 1.0
         for cost in (self.question.costs or {"effort": Effort()}).values():
             program.minimize(weight * cost.expression(terms))
+        if anchored:
+            pull, anchor = (program.parameter(key, np.zeros(robot.n + robot.m)) for key in ("pull", "anchor"))
+            program.minimize(ca.dot(pull, (program.x - anchor) ** 2) / 2)
         return NLP(program, self.question.solver)
 
     def misses(self, q, targets=None):
         """{goal: miss in SI [rows]} at numeric q."""
-        kin = Kinematics(self.robot.tree, ca.DM(q))
         targets = targets or self.targets()
-        return {
-            name: np.array(ca.DM(goal.miss(self.robot, kin, ca.DM(targets[f"target.{name}"])))).ravel()
-            for name, goal in self.goals.items()
-        }
+        rows = self._misses(q, *(np.asarray(targets[f"target.{name}"], dtype=float) for name in self.goals))
+        rows = rows if isinstance(rows, (tuple, list)) else [rows]
+        return {name: np.array(row).ravel() for name, row in zip(self.goals, rows, strict=True)}
+
+    @cached_property
+    def _misses(self):
+        """Function (q, target of each goal) -> its miss in the units a person would measure."""
+        q = ca.SX.sym("q", self.robot.n)
+        kin = Kinematics(self.robot.tree, q)
+        targets = [ca.SX.sym(f"t{k}", len(goal.numbers())) for k, goal in enumerate(self.goals.values())]
+        rows = [
+            ca.densify(_rows(name, goal, "measured", self.robot, kin, target))
+            for (name, goal), target in zip(self.goals.items(), targets, strict=True)
+        ]
+        return ca.Function("misses", [q, *targets], rows)
 
 
 class _Terms:
@@ -118,8 +145,9 @@ class _Terms:
         return {("q", "q"): qq, ("q", "u"): -self.statics.actuation_gradient(lam)}
 
 
-def _miss(name, goal, robot, kin, target):
+def _rows(name, goal, kind, robot, kin, target):
+    """Rows of a goal: its own `kind` (measured, distance) if it has one, else its miss."""
     try:
-        return goal.miss(robot, kin, target)
+        return getattr(goal, kind, goal.miss)(robot, kin, target)
     except Bad as bad:
         raise Bad(f"goals.{name}.{bad.key}", str(bad)) from None

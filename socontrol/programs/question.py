@@ -27,7 +27,7 @@ class Expectation:
 class StrainBounds:
     """Bounds of every rod in an optimisation; `bend`: of |twist| and |bend| x section length [rad]."""
 
-    bend: PositiveNumber = float(np.pi)
+    bend: Annotated[float, Unit("rad", lower=0, exclusive=True)] = float(np.pi)
     stretch: tuple[Number, Number] = (-0.8, 4.0)
     shear: PositiveNumber = 1.0
 
@@ -68,6 +68,7 @@ class Question:
     discretisation: Flag = True
     expect: dict[str, Any] | None = None
     schema_version: Literal[1] = 1
+    optimises = False  # whether strain bounds apply: forward statics goes where the loads take it
 
     def __post_init__(self):
         if not isinstance(self.robot, Robot):
@@ -78,6 +79,8 @@ class Question:
             self.named(key, getattr(self.guess, key), f"guess.{key}")
         self.input_limits()
         self.coordinate_limits()
+        if over := self.robot.overstrained(self.vector("coordinates", self.coordinates)):
+            raise Bad("coordinates", f"section {over[0]} would turn too far; a section holds for up to 2 pi")
 
     @property
     def loaded(self):
@@ -111,12 +114,12 @@ class Question:
         limits = np.array(self.robot.input_limits, dtype=float).reshape(-1, 2)
         return self._tightened("inputs", limits[:, 0], limits[:, 1])
 
-    def coordinate_limits(self):
-        """(lower [n], upper [n]) of coordinates: joint limits, strain bounds, and the problem's own."""
+    def coordinate_limits(self, strains=True):
+        """(lower [n], upper [n]) of coordinates: joint limits, the problem's own, and with `strains` those of rods."""
         limits = np.array(self.robot.joint_limits, dtype=float).reshape(-1, 2)
         lower, upper = limits[:, 0].copy(), limits[:, 1].copy()
         for piece in self.robot.tree.pieces:
-            if piece.is_rod:
+            if piece.is_rod and strains:
                 rows = [self._strain_limit(s, float(piece.length)) for s in piece.record.active()]
                 lower[piece.columns], upper[piece.columns] = np.array(rows).T
         return self._tightened("coordinates", lower, upper)

@@ -94,8 +94,17 @@ def sensitivities(solver, outcome, parameters):
     units = solver.question.robot.input_units
     rows = {}
     for name, matrix in found.items():
-        goal = solver.posture.goals.get(name.removeprefix("target."))
-        unit = goal.units()[0] if goal else ("N" if name.endswith("force") else "N m")
-        for i, symbol in enumerate(solver.question.robot.inputs):
-            rows[f"{symbol}/{name}"] = Value(matrix[i].tolist(), f"{units[i]}/{unit}")
+        for unit, columns in _by_unit(solver, name, matrix.shape[1]).items():
+            kind = "" if len(columns) == matrix.shape[1] else {"m": ".position", "rad": ".rotation"}[unit]
+            for i, symbol in enumerate(solver.question.robot.inputs):
+                rows[f"{symbol}/{name}{kind}"] = Value(matrix[i, columns].tolist(), f"{units[i]}/{unit}")
     return rows
+
+
+def _by_unit(solver, name, size):
+    """{unit: columns} of a parameter: a pose has metres and radians, a direction three plain components."""
+    goal = solver.posture.goals.get(name.removeprefix("target."))
+    if goal is None:
+        return {"N" if name.endswith("force") else "N m": list(range(size))}
+    units = goal.units() if len(goal.units()) == size else ["1"] * size
+    return {unit: [k for k in range(size) if units[k] == unit] for unit in dict.fromkeys(units)}

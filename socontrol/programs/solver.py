@@ -3,6 +3,7 @@
 import os
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -200,7 +201,7 @@ class NLP:
             outcome, sentence = "numerical", f"The solver stopped with constraints missed by {violation:.2g} (scaled)."
         return Outcome(
             Status(outcome, sentence), self.program.split(x), x, np.array(answer["lam_x"]).ravel(),
-            np.array(answer["lam_g"]).ravel(), float(answer["f"]), int(stats["iter_count"]), seconds, violation, log,
+            np.array(answer["lam_g"]).ravel(), float(answer["f"]), _count(stats), seconds, violation, log,
         )  # fmt: skip
 
     def _failed(self, text, seconds):
@@ -209,6 +210,14 @@ class NLP:
         empty = np.zeros(0)
         status = Status("numerical", f"The solver refused the problem: {line}")
         return Outcome(status, self.program.split(x), x, empty, empty, np.nan, 0, seconds, np.nan, text)
+
+
+def _count(stats):
+    """Iterations of a solve; where Ipopt refused to begin, CasADi leaves the number unset."""
+    return 0 if stats["return_status"] == "Not_Enough_Degrees_Of_Freedom" else max(0, int(stats["iter_count"]))
+
+
+_CAPTURING = threading.RLock()  # descriptor 1 belongs to the whole process
 
 
 class captured:
@@ -220,21 +229,24 @@ class captured:
     def __enter__(self):
         self._text = ""
         if self.active:
+            _CAPTURING.acquire()
             self._file = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
             self._own = sys.stdout
             self._own.flush()
             self._saved = os.dup(1)
             os.dup2(self._file.fileno(), 1)
             sys.stdout = self._file
+            self._errors, sys.stderr = sys.stderr, self._file  # CasADi's warnings belong to the log
         return lambda: self._text
 
     def __exit__(self, *error):
         if self.active:
             self._file.flush()
-            sys.stdout = self._own
+            sys.stdout, sys.stderr = self._own, self._errors
             os.dup2(self._saved, 1)
             os.close(self._saved)
             self._file.seek(0)
             self._text = self._file.read()
             self._file.close()
+            _CAPTURING.release()
         return False

@@ -39,7 +39,8 @@ class StaticsSolver:
         u = question.vector("inputs", question.inputs)
         q0 = question.vector("coordinates", question.guess.coordinates, "guess.coordinates")
         began = time.perf_counter()
-        answer = self.balance.solve(u, q0, prescribed=self.prescribed)
+        limit = question.solver.max_iterations
+        answer = self.balance.solve(u, q0, prescribed=self.prescribed, max_iterations=limit)
         seconds = time.perf_counter() - began
         result = Result(
             name=question.name, type="statics", status=answer.status, question=question,
@@ -69,8 +70,12 @@ def looked_at(result, look, free, prescribed, residuals=None):
         status = Status(
             "solved", f"{status.message} The equilibrium is {stable.word}: a disturbance may carry it away."
         )
+    limits = look.limits_reached(q, u)
+    past = [row["name"] for row in limits if row["beyond"]]
+    if status.solved and past:
+        status = Status("solved", f"{status.message} Beyond its limits: {', '.join(past)}.")
     details = {**result.details, "stability": stable.sentence, "stable": stable.stable,
-               "limits": look.limits_reached(q, u)}  # fmt: skip
+               "limits": limits}  # fmt: skip
     values = {**result.values, **look.values(q, u)}
     values["stability.smallest_eigenvalue"] = Value(stable.smallest, "1")
     if prescribed:

@@ -4,6 +4,7 @@ import numpy as np
 
 from socontrol.programs.result import Result, Status, Value
 
+PULL = 1e4  # weight of moving the limit, beside an effort of order 1: its smallest move is found, nearly
 WIDER = 1e3  # a limit is let go to this many times its span, so that the program stays bounded
 
 
@@ -33,7 +34,7 @@ def _unit(robot, limit):
 
 
 def _alone(solver, limit, outcome, parameters):
-    """The value the quantity takes when this limit alone is lifted and the goal is met; None if it is not met."""
+    """The value nearest its limit with which the goal is met when this limit alone is lifted; None if it is not met."""
     posture = solver.posture
     bounds = posture.limits()
     key, side = ("u", "q")[limit["kind"] == "coordinate"], limit["side"] == "upper"
@@ -41,31 +42,36 @@ def _alone(solver, limit, outcome, parameters):
     span = upper[limit["index"]] - lower[limit["index"]]
     span = span if np.isfinite(span) and span > 0 else max(1.0, abs(limit["limit"]))
     bounds[key][side][limit["index"]] += (1 if side else -1) * WIDER * span
+    program, nlp = posture.freed.program, posture.freed
+    place = program.variables[key].where.start + limit["index"]
+    pull, anchor = np.zeros(program.scale.size), np.zeros(program.scale.size)
+    pull[place], anchor[place] = PULL, limit["limit"] / program.scale[place]
     for start in (outcome.values, solver.rest):
-        found = posture.exact.solve(guess=start, parameters=parameters, bounds=bounds)
+        found = nlp.solve(guess=start, parameters={**parameters, "pull": pull, "anchor": anchor}, bounds=bounds)
         if found.status.outcome == "interrupted":
             raise KeyboardInterrupt
-        if found.status.solved and solver.meets(found, parameters):
+        sound = found.status.solved and not solver.look.collapsed(found.values["q"])
+        if sound and solver.meets(found, parameters):
             return float(found.values[key][limit["index"]])
     return None
 
 
 def _sentence(short, rows):
     misses = " and ".join(
-        f"{name} by {_pretty(x, unit)}" for name, by_unit in short.items() for unit, x in by_unit.items() if x > 1e-9
+        f"{name} by {pretty(x, unit)}" for name, by_unit in short.items() for unit, x in by_unit.items() if x > 1e-9
     )
     text = f"Out of reach: the nearest posture misses {misses or 'the goal'}."
     for row in rows:
         needed = (
             "not by this limit alone"
             if row["needed"] is None
-            else f"alone it would have to be {_pretty(row['needed'], row['unit'])}"
+            else f"alone it would have to be {pretty(row['needed'], row['unit'])}"
         )
-        text += f" {row['name']} is at its {row['side']} limit {_pretty(row['limit'], row['unit'])}: {needed}."
+        text += f" {row['name']} is at its {row['side']} limit {pretty(row['limit'], row['unit'])}: {needed}."
     return text if rows else text + " No limit is reached: the robot's geometry or load forbids it; move the goal."
 
 
-def _pretty(x, unit):
+def pretty(x, unit):
     for base, factor, name in (
         ("Pa", 1e-3, "kPa"),
         ("m", 1e3, "mm"),

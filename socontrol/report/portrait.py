@@ -2,13 +2,15 @@
 
 import numpy as np
 
+from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.model.rods import Rod
 from socontrol.programs.goals import AxisDirection, Path, Point, Pose, Shape
 from socontrol.report import shapes, style
-from socontrol.report.scene import Scene, fit, paint, planes, project
-from socontrol.report.units import miss
+from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project
+from socontrol.report.units import miss, with_unit
 
 POSES = 7  # of a robot on a path
+SPREAD = 7  # arrows of a distributed load
 DRAWN = 260  # points, about the size of the drawing in space
 
 
@@ -23,7 +25,7 @@ def robot_figure(result):
     _add_robot(scene, posed, style.SOFT, 2)
     scale = _add_inputs(scene, result, posed)
     size = _size(scene)
-    legend = _add_goals(scene, result, posed, size)
+    legend = _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
     for name in shapes.ends(question.robot):
         scene.triad(posed.place(name), 0.11 * size)
     scene.settle_unit()
@@ -104,8 +106,8 @@ def _add_goals(scene, result, posed, size):
     from matplotlib.lines import Line2D
 
     entries = []
-    ring = Line2D([], [], color=style.GOAL, marker="o", mfc="none", mew=1.6, ls="none")
-    for name, goal in (getattr(result.question, "goals", None) or {}).items():
+    for n, (name, goal) in enumerate((getattr(result.question, "goals", None) or {}).items()):
+        colour, marker = style.GOALS[n % len(style.GOALS)], style.MARKERS[n % len(style.MARKERS)]
         numbers = np.array(result.details.get("targets", {}).get(f"target.{name}", ()), dtype=float).ravel()
         if isinstance(goal, Path):
             _add_path(scene, result, goal)
@@ -113,38 +115,90 @@ def _add_goals(scene, result, posed, size):
             continue
         numbers = numbers if len(numbers) == len(goal.numbers()) else np.array(goal.numbers())
         here = posed.place(goal.on, goal.at)
-        for point, reached in _spots(scene, goal, numbers, posed, here, size):
-            scene.mark(point, style.GOAL, size=9)
+        if isinstance(goal, AxisDirection):
+            entries.append(_add_axis(scene, goal, name, numbers, here, size, colour))
+            continue
+        symbol = Line2D([], [], color=colour, marker=marker, mfc="none", mew=1.6, ls="none")
+        entries.append((symbol, f"goal {name}"))
+        for point, reached in _spots(scene, goal, numbers, posed, here, size, colour):
+            scene.mark(point, colour, marker=marker, size=9)
             if np.linalg.norm(point - reached) > 1e-3 * size:
                 scene.stroke([reached, point], style.INK, width=1.2, style="--", layer=9)
                 entries.append(
                     (
                         Line2D([], [], color=style.INK, ls="--", lw=1.2),
-                        f"misses by {miss(np.linalg.norm(point - reached), 'm')}",
+                        f"{name} missed by {miss(np.linalg.norm(point - reached), 'm')}",
                     )
                 )
-        entries.insert(0, (ring, f"goal {name}"))
     return entries
 
 
-def _spots(scene, goal, numbers, posed, here, size):
+def _add_axis(scene, goal, name, direction, here, size, colour):
+    """An arrow along the wanted direction, and a dotted one along the direction reached when they differ."""
+    from matplotlib.lines import Line2D
+
+    start, wanted = here[:3, 3], direction / np.linalg.norm(direction)
+    scene.arrow(start, 0.24 * size * wanted, colour, 0.006 * size)
+    reached = here[:3, :3] @ np.array(goal.axis, dtype=float)
+    if np.linalg.norm(reached / np.linalg.norm(reached) - wanted) > 1e-2:
+        scene.stroke([start, start + 0.2 * size * reached], colour, width=1.6, style=":", layer=9)
+    return Line2D([], [], color=colour, marker=">", ms=5, lw=1.8), f"goal {name}: direction"
+
+
+def _add_loads(scene, posed, size):
+    """Applied forces and moments at the posture drawn; legend entries [(handle, text)]."""
+    from matplotlib.lines import Line2D
+
+    loads = {name: load for name, load in (posed.robot.description.loads or {}).items() if _told(load)}
+    largest = {  # by kind: so that arrows of one kind compare
+        (kind, key): max((_norm(load, key) for load in loads.values() if isinstance(load, kind)), default=0.0)
+        for kind in (Wrench, Distributed)
+        for key in ("force", "moment")
+    }
+    entries = []
+    for n, (name, load) in enumerate(loads.items()):
+        colour, spread = style.LOADS[n % len(style.LOADS)], isinstance(load, Distributed)
+        frames = posed.rod(load.on)[1] if spread else [posed.place(load.on, load.at)]
+        frames = [frames[k] for k in np.linspace(0, len(frames) - 1, SPREAD).round().astype(int)] if spread else frames
+        for key, unit, heads in (("force", "N", 1), ("moment", "N m", 2)):
+            if not _norm(load, key):
+                continue
+            share = _norm(load, key) / largest[Distributed if spread else Wrench, key]
+            length = (0.1 if spread else 0.24) * size * (0.5 + 0.5 * share)
+            for g in frames:
+                R = g[:3, :3] if load.axes == "body" else np.eye(3)
+                along = R @ np.array(getattr(load, key), dtype=float) / _norm(load, key)
+                scene.arrow(g[:3, 3], length * along, colour, (0.003 if spread else 0.006) * size, heads)
+            # the double arrow of a moment: it turns about the arrow, right-handed
+            handle = Line2D([], [], color=colour, marker=">" if heads == 1 else r"$\gg$", ms=5 + 3 * (heads - 1), lw=1.8)
+            value = with_unit(_norm(load, key), unit, 3)
+            entries.append((handle, f"load {name} {value}{'/m' if spread else ''}"))
+    return entries
+
+
+def _told(load):
+    """Whether a load is of a kind that can be drawn, in plain numbers."""
+    return isinstance(load, Wrench | Distributed) and all(isinstance(x, int | float) for x in (*load.force, *load.moment))
+
+
+def _norm(load, key):
+    return float(np.linalg.norm(getattr(load, key)))
+
+
+def _spots(scene, goal, numbers, posed, here, size, colour):
     """(target, reached) points of a goal; what else shows it is added to the scene."""
     if isinstance(goal, Point):
         point = here[:3, 3].copy()
         point[goal.rows] = numbers
         for k in set(range(3)) - set(goal.rows):
             e = np.eye(3)[k] * 0.12 * size
-            scene.stroke([point - e, point + e], style.GOAL, width=1.0, style=":", layer=9)
+            scene.stroke([point - e, point + e], colour, width=1.0, style=":", layer=9)
         return [(point, here[:3, 3])]
     if isinstance(goal, Pose):
         g = np.eye(4)
         g[:3, :3], g[:3, 3] = _rotation(numbers[3:]), numbers[:3]
         scene.triad(g, 0.16 * size, width=0.9)
         return [(g[:3, 3], here[:3, 3])]
-    if isinstance(goal, AxisDirection):
-        start = here[:3, 3]
-        scene.stroke([start, start + 0.2 * size * numbers / np.linalg.norm(numbers)], style.GOAL, width=2.2, layer=9)
-        return []
     if isinstance(goal, Shape):
         points = numbers.reshape(-1, 3)
         return [(p, posed.place(goal.on, s.at)[:3, 3]) for p, s in zip(points, goal.target, strict=True)]
@@ -185,7 +239,7 @@ def _composed(scene, result, posed, scale, legend):
     if scale is not None:
         _add_scale(left, left.add_axes([0.2, 0.1, 0.6, 0.022], label="scale"), scale)
     _add_legend(right, result, legend)
-    figure.suptitle(f"{result.name}: {_solved_as(result, 'path.q' in result.arrays)}", x=0.01, ha="left", fontsize=10)
+    figure.suptitle(f"{result.name}: {_title(result)}", x=0.01, ha="left", fontsize=10)
     box, foot = left.bbox, 0.17 if scale is not None else 0.02
     fit(figure, space, (0.02 * box.width, foot * box.height, 0.96 * box.width, (0.93 - foot) * box.height))
     return figure
@@ -232,15 +286,36 @@ def _add_scale(figure, ax, scale):
 
 
 def _add_legend(figure, result, entries):
+    from matplotlib.legend_handler import HandlerTuple
+    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     on_path = "path.q" in result.arrays and len(result.arrays["path.q"]) > 1
+    frame = tuple(Line2D([], [], color=colour, lw=1.8) for colour in TRIAD)
     handles = [
         (Patch(fc=style.GHOST, ec="#b9c1c9", lw=0.6), "at other waypoints" if on_path else "unloaded"),
         (Patch(fc=style.SOFT, ec="#888888", lw=0.6), _solved_as(result, on_path)),
-        *entries[:6],
+        *entries[:12],
+        (frame, "axes x, y, z of a frame"),
     ]
-    figure.legend(*zip(*handles, strict=True), loc="outside lower right", ncols=min(4, len(handles)))
+    widest = 0.4 + 0.058 * max(len(text) for _, text in handles)  # inches
+    figure.legend(
+        *zip(*handles, strict=True),
+        loc="outside lower right",
+        ncols=max(1, min(4, int(figure.bbox.width / figure.dpi / widest))),
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.2)},
+    )
+
+
+def _title(result):
+    if "path.q" not in result.arrays:
+        return _solved_as(result, False)
+    solved = result.details.get("waypoints_solved", len(result.arrays["path.q"]))
+    count = result.details.get("waypoints", solved)
+    if solved == count:
+        return f"{count} waypoints solved, drawn at the last"
+    shown = "nearest posture to the next" if result.status.outcome == "infeasible" else "drawn at the last solved"
+    return f"{solved} of {count} waypoints solved, {shown}"
 
 
 def _solved_as(result, on_path):

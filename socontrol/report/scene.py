@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from socontrol.report import shapes
+
 AXES = "xyz"
 TRIAD = ("#D55E00", "#009E73", "#0072B2")  # x, y, z: told apart by every kind of colour vision
 FAR = 0.55  # share of the rod's colour in a line on its far side
@@ -80,6 +82,15 @@ class Scene:
         for k, colour in enumerate(TRIAD):
             self.stroke([g[:3, 3], g[:3, 3] + size * g[:3, k]], colour, width=width, layer=9)
 
+    def arrow(self, tail, vector, colour, radius, heads=1, layer=8):
+        """A solid arrow from `tail` along `vector` [3]; two heads show a moment about it."""
+        tip, along = tail + vector, vector / np.linalg.norm(vector)
+        head = min(5.5 * radius, 0.45 * np.linalg.norm(vector) / heads)
+        self.skin(shapes.bar(tail, tip - heads * head * along, radius), colour, layer)
+        for k in range(heads):
+            self.skin(shapes.bar(tip - (k + 1) * head * along, tip - k * head * along, 2.4 * radius, 0.02 * radius),
+                      colour, layer)  # fmt: skip
+
     def box(self):
         """(lower [3], upper [3]) of all there is, with room to breathe."""
         points = [quads.reshape(-1, 3) for quads, _, _ in self.skins]
@@ -149,11 +160,60 @@ def fit(figure, ax, cell):
     figure.draw_without_rendering()
     drawn = ax.get_tightbbox()
     ax.set_box_aspect(np.ptp(limits, axis=1), zoom=min(cell[2] / drawn.width, cell[3] / drawn.height))
-    figure.draw_without_rendering()
+    _thin(figure, ax)
     drawn, at, whole = ax.get_tightbbox(), ax.get_position(), ax.get_figure().bbox
     right = (cell[0] + cell[2] / 2 - (drawn.x0 + drawn.x1) / 2) / whole.width
     up = (cell[1] + cell[3] / 2 - (drawn.y0 + drawn.y1) / 2) / whole.height
     ax.set_position([at.x0 + right, at.y0 + up, at.width, at.height])
+
+
+def _thin(figure, ax):
+    """Take ticks away until no two labels touch."""
+    counts = {name: len(getattr(ax, f"get_{name}ticks")()) for name in AXES}
+    for _ in range(8):
+        figure.draw_without_rendering()
+        boxes = [
+            (name, k, label.get_window_extent())
+            for name in AXES
+            for k, label in enumerate(getattr(ax, f"get_{name}ticklabels")())
+        ]
+        titles = [(name, -1, getattr(ax, f"{name}axis").label.get_window_extent()) for name in AXES]
+        hits = [
+            (a, b)
+            for n, a in enumerate(boxes)
+            for b in [*boxes[n + 1 :], *titles]
+            if a[2].padded(1.5).overlaps(b[2].padded(1.5))
+        ]
+        if not hits:
+            return
+        for name in {a[0] for a, b in hits if a[0] == b[0] and b[1] >= 0 and counts[a[0]] > 1}:
+            counts[name] -= 1
+            _tick(ax, name, counts[name])
+        for a, b in hits:
+            if a[0] != b[0] or b[1] < 0:
+                name, k, _ = max((x for x in (a, b) if x[1] >= 0), key=lambda x: counts[x[0]])
+                ticks = list(getattr(ax, f"get_{name}ticks")())
+                if len(ticks) > 1 and len(ticks) == counts[name]:
+                    ticks.pop(k)
+                    counts[name] -= 1
+                    getattr(ax, f"set_{name}ticks")(ticks)
+
+
+def _tick(ax, name, count):
+    """At most `count` round ticks on an axis, clear of its ends."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = sorted(getattr(ax, f"get_{name}lim")())
+    clear, n = 0.06 * (high - low), count
+    while True:
+        ticks = MaxNLocator(n, steps=[1, 2, 5, 10]).tick_values(low, high)
+        ticks = ticks[(ticks > low + clear) & (ticks < high - clear)]
+        if len(ticks) <= count or n == 1:
+            break
+        n -= 1
+    if len(ticks) == 0 or len(ticks) > count:
+        ticks = ticks[len(ticks) // 2 :][:1] if len(ticks) else np.array([(low + high) / 2]).round()
+    getattr(ax, f"set_{name}ticks")(ticks)
 
 
 def viewer(ax):
@@ -169,18 +229,16 @@ def _unprojected(ax, depth):
 
 
 def _dress(ax, scene):
-    from matplotlib.ticker import MaxNLocator
-
     lower, upper = (b / scene.unit[0] for b in scene.box())
     size = float(np.max(upper - lower))
     for name, span in zip(AXES, upper - lower, strict=True):
         axis = getattr(ax, f"{name}axis")
-        axis.set_major_locator(MaxNLocator(max(2, round(5 * span / size)), steps=[1, 2, 5, 10]))
+        _tick(ax, name, max(2, round(5 * span / size)))
         axis.set_pane_color((1, 1, 1, 0))
         axis._axinfo["grid"].update(color="#dfe3e8", linewidth=0.5)  # no public way to set it
         axis.line.set_color("#9aa3ad")
-        getattr(ax, f"set_{name}label")(f"{name} [{scene.unit[1]}]", labelpad=1)
-        ax.tick_params(name, pad=-1, labelsize=7, colors="#444444")
+        getattr(ax, f"set_{name}label")(f"{name} [{scene.unit[1]}]", labelpad=4)
+        ax.tick_params(name, pad=1.5, labelsize=7, colors="#444444")
 
 
 # Painting in a plane

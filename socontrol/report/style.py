@@ -5,7 +5,10 @@ import numpy as np
 from socontrol.report.units import readable
 
 SOFT, GHOST, LINK, JOINT = "#b9d3e8", "#e2e2e2", "#aab2ba", "#5d6873"
-GOAL, MISS, BAR, LIMIT, INK = "#009E73", "#D55E00", "#0072B2", "#222222", "#333333"
+GOAL, MISS, BAR, LIMIT, INK = "#7B3294", "#D55E00", "#0072B2", "#222222", "#333333"
+GOALS = (GOAL, "#D6278A", "#8C6D31", "#1B7F8C")  # colours of several goals, none of them a frame's
+MARKERS = ("o", "s", "D", "^", "v", "P")
+LOADS = ("#111111", "#6B4A2B", "#5B6770")
 # Okabe and Ito's, then two more
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31", "#555555")
 DASHES = ("-", "--", "-.", ":")

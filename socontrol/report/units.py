@@ -37,6 +37,12 @@ def number(x, digits=4):
     return "0" if float(text) == 0 else text
 
 
+def quiet(values, noise=1e-9):
+    """The values with 0 for those that rounding leaves beside the largest."""
+    largest = max((abs(x) for x in values if isfinite(x)), default=0.0)
+    return [0.0 if abs(x) < noise * largest else x for x in values]
+
+
 def fixed(x, size, digits=5):
     """`x` with the decimals that show `digits` digits of a number as large as `size`; for columns."""
     decimals = max(0, digits - 1 - int(log10(size))) if size >= 1 else digits - 1
