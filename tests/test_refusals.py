@@ -112,7 +112,7 @@ REFUSED = {
         "not symmetric",
     ),
     "whole mass 0": (lambda: Body(mass=0, inertia=(1, 1, 1)), "mass", "needs a mass"),
-    "world": (lambda: named(segment="world"), "segments.world", "give the segment another name"),
+    "world": (lambda: named(segment="world"), "segments.world", "rename the segment"),
     "dot": (lambda: named(segment="a.0"), "segments.a.0", "'a.0' is no name; use letters, digits, _ or -"),
     "space": (lambda: named(segment="a b"), "segments.a b", "use letters"),
     "digit first": (lambda: named(segment="0a"), "segments.0a", "a letter or _ first"),

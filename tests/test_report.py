@@ -8,7 +8,7 @@ import robots
 from rich.console import Console
 
 from socontrol.mechanics.actuators import Chamber, JointTorque
-from socontrol.mechanics.loads import Wrench
+from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.bodies import Placement
 from socontrol.model.joints import Revolute
@@ -210,11 +210,76 @@ def test_every_axes_names_its_unit(name, request):
         for ax in figure.axes if figure is not None else ():
             labels = [ax.get_xlabel(), ax.get_ylabel()]
             assert any("[" in label for label in labels), labels
-            assert all("[" in label for label in labels if label), labels
+            assert all("[" in label for label in labels if label not in ("", "waypoint")), labels
 
 
 def test_the_track_of_a_path_keeps_one_scale(followed):
     assert plots.path_figure(followed).axes[0].get_aspect() == 1.0
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    rod = Rod(length=0.3, sections=2, cross_section=Circle(radius=0.01), material=robots.RUBBER)
+    loads = {
+        "wind": Distributed(on="rod", force=(0.0, 0.2, 0.0)),
+        "tip": Wrench(on="rod", force=(0.0, 0.0, 0.3), moment=(0.0, 0.0, 0.002), axes="body"),
+    }
+    result = plain_result(Description(segments={"rod": rod}, gravity=(0.0, 0.0, 0.0)))
+    question = Statics(robot=result.question.robot, name="robot", loads=loads)
+    return replace(result, question=question)
+
+
+def _legend(figure):
+    return [t.get_text() for sub in (figure, *figure.subfigs) for key in sub.legends for t in key.get_texts()]
+
+
+def test_applied_loads_are_drawn_and_named(loaded):
+    said = _legend(robot_figure(loaded))
+    assert {"load wind 0.2 N/m", "load tip 0.3 N", "load tip 2 mN m"} <= set(said)
+
+
+def test_labels_of_ticks_in_space_do_not_touch(loaded):
+    figure = robot_figure(loaded)
+    (space,) = [ax for ax in figure.axes if ax.get_label() == "space"]
+    figure.draw_without_rendering()
+    labels = [t for name in "xyz" for t in getattr(space, f"get_{name}ticklabels")()]
+    boxes = [label.get_window_extent() for label in labels]
+    assert len(boxes) >= 3
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :])
+
+
+def test_a_path_met_to_rounding_says_so_instead_of_drawing_noise(followed):
+    exact = replace(followed, arrays={**followed.arrays, "path.miss": np.full(9, 1e-15)})
+    missed = replace(followed, arrays={**followed.arrays, "path.miss": np.r_[np.full(8, 1e-15), 1e-6]})
+    figure, other = plots.path_figure(exact), plots.path_figure(missed)
+    assert "all misses below 1 nm" in figure.get_suptitle() and len(figure.axes) == len(other.axes) - 1
+    assert "miss" not in other.get_suptitle() and other.axes[-1].get_ylabel() == "miss [um]"
+
+
+def test_strains_that_vanish_are_named_not_drawn(loaded):
+    rod = Rod(length=0.3, sections=2, cross_section=Circle(radius=0.01), material=robots.RUBBER)
+    result = plain_result(Description(segments={"rod": rod}), bent=False)
+    q = np.where([name.endswith("bend_y") for name in result.question.robot.coordinates], 2.0, 1e-14)
+    figure = plots.strains_figure(replace(result, arrays={**result.arrays, "q": q}))
+    assert [t.get_text() for ax in figure.axes for t in ax.get_legend().get_texts()] == ["bend y"]
+    assert "zero everywhere: twist, bend z" in figure.get_suptitle()
+
+
+def test_a_limit_that_is_passed_is_not_called_reached(solved):
+    row = {"kind": "input", "name": "p0", "side": "upper", "limit": 1e5, "index": 0, "beyond": 3e3}
+    said = words(replace(solved, details={**solved.details, "limits": [row]}))
+    assert "beyond limit p0 upper, 100 kPa by 3 kPa" in said and "at limit" not in said
+
+
+def test_joints_and_segments_of_goals_stand_in_the_normal_output(rigid, solved):
+    said = words(rigid).split("joint")[1]
+    assert "arm" in said and f"{np.degrees(0.3):.3f} deg" in " ".join(said.split())
+    goal = goals.Point(on="module", target=POSE)
+    assert "module" in words(replace(solved, question=replace(solved.question, goals={"tip": goal})))
+
+
+def test_rounding_beside_the_largest_reads_as_zero():
+    assert units.quiet([1.0, 1e-12, -3e-3]) == [1.0, 0.0, -3e-3]
 
 
 def plain_result(description, bent=True):

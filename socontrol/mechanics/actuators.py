@@ -24,10 +24,10 @@ from socontrol.quantities import (
     Limits,
     Metre,
     Newton,
-    Number,
     OneOf,
     Pair,
     Pascal,
+    Unit,
     nearest,
     record,
 )
@@ -395,12 +395,23 @@ class Chamber:
         return [shares]
 
 
+class _Effort(Unit):
+    """A moment or a force, whichever the text names; the joint decides which it is."""
+
+    def read(self, value):
+        is_force = isinstance(value, str) and value.strip().endswith("N")
+        return Unit("N").read(value) if is_force else super().read(value)
+
+
+Effort = Annotated[float, _Effort("N m")]
+
+
 @record(kw_only=True)
 class JointTorque:
     """A motor on a joint, one input a degree of freedom: N m for turns, N for slides."""
 
     joint: str
-    limits: Annotated[Any, Either(Limits[Number], tuple[Limits[Number], ...])] = None
+    limits: Annotated[Any, Either(Limits[Effort], tuple[Limits[Effort], ...])] = None
     unit = "N m"
 
     def __post_init__(self):

@@ -17,6 +17,7 @@ from socontrol.model.rods import Rod
 from socontrol.model.tree import build
 from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record, show
 
+RESERVED = {"world", "inputs", "coordinates", "lengths", "energy", "stability", "holding", "reaction", "short"}
 SEGMENTS = {"rod": Rod, **JOINTS}
 Segment = Annotated[Any, OneOf(SEGMENTS, what="segment")]
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")  # no dots: they separate the keys of a path and the parts of a name
@@ -39,8 +40,8 @@ class Description:
         for family, members in self.families().items():
             for name in members:
                 _refuse_name(f"{family}.{name}", name)
-        if "world" in self.segments:
-            raise Bad("segments.world", "'world' is the frame that roots stand on; give the segment another name")
+        for name in RESERVED & set(self.segments):
+            raise Bad(f"segments.{name}", f"'{name}' has a meaning of its own in results; rename the segment")
         Robot(self).check()
 
     def families(self):

@@ -27,7 +27,7 @@ def stability(tangent, scales, conservative, free=None):
     K = tangent * scales.q[None, :] / scales.force[:, None]
     K = K[free][:, free]
     if not np.all(np.isfinite(K)):
-        return Stability(False, float("nan"), conservative, "unknown, the tangent is not finite", "of unknown stability")
+        return Stability(False, float("nan"), conservative, "unknown, tangent not finite", "of unknown stability")
     if K.size == 0:
         return Stability(True, float("inf"), conservative, "stable (no free coordinate)")
     if conservative:

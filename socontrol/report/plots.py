@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
+from socontrol.programs import goals
 from socontrol.report import shapes, style
 from socontrol.report.fits import fit_figure
 from socontrol.report.portrait import robot_figure
 from socontrol.report.units import fixed, readable
 
 LARGEST = 200_000  # bytes a file
+NOISE = 1e-9  # m, of a miss: smaller ones are not told apart
 RESOLUTIONS = (150, 120, 90, 60)  # dots an inch, taken in order until the file is small enough
 
 
@@ -72,7 +74,11 @@ def _bars(ax, result, u, unit, chosen):
     lower, upper = result.question.input_limits()
     finite = [x for k in chosen for x in (lower[k], upper[k]) if np.isfinite(x)]
     one, name = readable(unit, *finite, *u[:, chosen].ravel())
-    reached = {limit["name"] for limit in result.details.get("limits", ()) if limit["kind"] == "input"}
+    reached = {
+        limit["name"]: "beyond limit" if limit.get("beyond", 0) > 0 else "at limit"
+        for limit in result.details.get("limits", ())
+        if limit["kind"] == "input"
+    }
     size = max([abs(x) for x in finite] + [float(np.max(np.abs(u[:, chosen]))), 1e-300]) / one
     for row, k in enumerate(chosen):
         first, last, now = u[:, k].min() / one, u[:, k].max() / one, u[-1, k] / one
@@ -86,7 +92,7 @@ def _bars(ax, result, u, unit, chosen):
                 color="#eef1f4",
                 label="within the limits" if row == 0 else None,
             )
-        on_limit = result.question.robot.inputs[k] in reached
+        on_limit = reached.get(result.question.robot.inputs[k])
         if len(u) > 1:
             ax.barh(
                 row,
@@ -105,7 +111,7 @@ def _bars(ax, result, u, unit, chosen):
                 ax.plot([end, end], [row - 0.36, row + 0.36], color=style.LIMIT, lw=1.6, zorder=4)
         far = max(e for e in (*ends, last, 0.0) if e is not None)
         ax.annotate(
-            f"{fixed(now, size, 4)}{' (at limit)' if on_limit else ''}",
+            f"{fixed(now, size, 4)}{f' ({on_limit})' if on_limit else ''}",
             (far, row),
             (5, 0),
             textcoords="offset points",
@@ -135,17 +141,28 @@ def path_figure(result):
         return None
     u, robot = _inputs(result), result.question.robot
     units = list(dict.fromkeys(robot.input_units)) if u is not None else []
-    figure = style.new_figure(9.2, 4.6)
-    grid = figure.add_gridspec(len(units) + 1, 2, width_ratios=[1, 1.15], height_ratios=[*(2 for _ in units), 1])
-    _track(figure, grid[:, 0], np.asarray(target), result.arrays["path.tip"])
+    misses = np.asarray(result.arrays["path.miss"])
+    shows = bool(np.any(misses >= NOISE))
+    figure = style.new_figure(9.2 if units or shows else 5.0, 4.6)
+    heights = [2] * len(units) + [1] * shows
+    grid = figure.add_gridspec(max(1, len(heights)), 2 if heights else 1,
+                               width_ratios=[1, 1.15] if heights else None, height_ratios=heights or None)  # fmt: skip
+    _track(figure, grid[:, 0], np.asarray(target), result.arrays["path.tip"], _followed(result))
     shared = None
     for row, unit in enumerate(units):
         shared = figure.add_subplot(grid[row, 1], sharex=shared)
         _input_curves(shared, result, u, unit)
-    ax = figure.add_subplot(grid[-1, 1], sharex=shared)
-    _misses(ax, result.arrays["path.miss"], len(target))
+    if shows:
+        shared = figure.add_subplot(grid[-1, 1], sharex=shared)
+        _misses(shared, misses)
+    if shared is not None:
+        shared.tick_params(labelbottom=True)
+        shared.set_xlabel("waypoint")
+        shared.set_xlim(0.5, len(target) + 0.5)
+        shared.xaxis.get_major_locator().set_params(integer=True)
+    small = "" if shows or not len(misses) else ", all misses below 1 nm"
     figure.suptitle(
-        f"{result.name}: {len(result.arrays['path.tip'])} of {len(target)} waypoints",
+        f"{result.name}: {len(result.arrays['path.tip'])} of {len(target)} waypoints solved{small}",
         x=0.01,
         ha="left",
         fontsize=10,
@@ -153,7 +170,16 @@ def path_figure(result):
     return figure
 
 
-def _track(figure, place, target, tip):
+def _followed(result):
+    """What follows the path: the name of the goal's segment, and where on it unless at its end."""
+    asked = (getattr(result.question, "goals", None) or {}).values()
+    goal = next((g for g in asked if isinstance(g, goals.Path)), None)
+    if goal is None:
+        return "tip"
+    return f"end of {goal.on}" if goal.at == 1 else f"{goal.on} at {goal.at:g}"
+
+
+def _track(figure, place, target, tip, name_of_tip):
     one, name = readable("m", float(np.max(np.ptp(target, axis=0))))
     flat = _plane(target)
     if flat is None:
@@ -165,7 +191,7 @@ def _track(figure, place, target, tip):
         goal, track = (target - centre) @ across, (tip - centre) @ across
     ax.plot(*(goal / one).T, "-", color=style.GOAL, lw=1.0, zorder=2)
     ax.plot(*(goal / one).T, "o", color=style.GOAL, mfc="none", ms=6, mew=1.1, label="waypoints", zorder=3)
-    ax.plot(*(track / one).T, ".", color=style.INK, ms=4.5, label="tip", zorder=4)
+    ax.plot(*(track / one).T, ".", color=style.INK, ms=4.5, label=name_of_tip, zorder=4)
     if len(track) < len(goal):
         ax.plot(
             *(goal[len(track)] / one)[:, None],
@@ -179,7 +205,7 @@ def _track(figure, place, target, tip):
         getattr(ax, f"set_{axis}label")(f"{label} [{name}]")
     ax.set_aspect("equal", adjustable="datalim" if flat is not None else None)
     ax.grid(color="#e6e9ed", lw=0.5)
-    ax.legend(loc="center" if flat is not None and len(goal) > 12 else "best")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3)
 
 
 def _plane(points):
@@ -210,18 +236,21 @@ def _input_curves(ax, result, u, unit):
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 if len(chosen) < 10 else 2)
 
 
-def _misses(ax, misses, count):
+def _misses(ax, misses):
+    """Misses on a log scale; those below NOISE are left out and said to be."""
     from matplotlib.ticker import LogLocator, NullLocator
 
-    shown = np.maximum(misses, 1e-15) * 1e6  # below a femtometre only rounding is left
-    ax.semilogy(np.arange(1, len(misses) + 1), shown, ".-", color=style.INK, lw=0.8, ms=4)
+    seen = misses >= NOISE
+    drawn = np.where(seen, misses * 1e6, np.nan)
+    ax.semilogy(np.arange(1, len(misses) + 1), drawn, ".-", color=style.INK, lw=0.8, ms=4)
+    if not np.all(seen):
+        ax.set_title("not drawn: below 1 nm", fontsize=7.5, loc="right", pad=2)
+    shown = misses[seen] * 1e6
     middle = np.sqrt(shown.min() * shown.max())
     ax.set_ylim(min(shown.min() / 3, middle / 30), max(shown.max() * 3, middle * 30))
     ax.yaxis.set_major_locator(LogLocator(numticks=4))
     ax.yaxis.set_minor_locator(NullLocator())
     ax.set_ylabel("miss [um]")
-    ax.set_xlabel("waypoint [1]")
-    ax.set_xlim(0.5, count + 0.5)
     ax.grid(color="#e6e9ed", lw=0.5)
 
 
@@ -231,7 +260,9 @@ def strains_figure(result):
     if q is None or not np.all(np.isfinite(q)):
         return None
     rows = shapes.strain_rows(robot, q)
-    groups = [g for g in STRAIN_GROUPS if any(np.any(strains[:, g[2]]) for _, _, strains in rows)]
+    zero = _zero(rows)
+    groups = [(*g[:2], [c for c in g[2] if not zero[c]], g[3]) for g in STRAIN_GROUPS]
+    groups = [g for g in groups if g[2]]
     if not groups:
         return None
     figure = style.new_figure(6.8, 0.7 + 1.75 * len(groups))
@@ -244,7 +275,10 @@ def strains_figure(result):
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1].set_xlabel(f"arc length, rod after rod [{name}]" if len(rows) > 1 else f"arc length [{name}]")
     axes[0].set_xlim(0, longest / one)
-    figure.suptitle(f"{result.name}: strains", x=0.01, ha="left", fontsize=10)
+    where = " at the last waypoint" if "path.q" in result.arrays else ""
+    still = [label for label, none in zip(LABELS, zero, strict=True) if none]
+    still = f"\nzero everywhere: {', '.join(still)}" if still else ""
+    figure.suptitle(f"{result.name}: strains{where}{still}", x=0.01, ha="left", fontsize=10)
     return figure
 
 
@@ -254,6 +288,16 @@ STRAIN_GROUPS = (  # title, unit, rows of xi, shown per SI
     ("shear", "%", (4, 5), 100.0),
 )
 LABELS = ("twist", "bend y", "bend z", "stretch", "shear y", "shear z")
+
+
+def _zero(rows):
+    """For each strain whether it is zero everywhere, but for rounding."""
+    if not rows:
+        return [True] * len(LABELS)
+    longest = sum(s[-1] for _, s, _ in rows)
+    sizes = np.array([np.max(np.abs(strains), axis=0) for _, _, strains in rows]).max(0)
+    sizes[:3] *= longest
+    return sizes <= 1e-9 * max(1e-3, float(np.max(sizes)))
 
 
 def _steps(ax, rows, columns, factor, one):

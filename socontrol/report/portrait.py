@@ -7,7 +7,7 @@ from socontrol.model.rods import Rod
 from socontrol.programs.goals import AxisDirection, Path, Point, Pose, Shape
 from socontrol.report import shapes, style
 from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project
-from socontrol.report.units import miss, with_unit
+from socontrol.report.units import miss, number, with_unit
 
 POSES = 7  # of a robot on a path
 SPREAD = 7  # arrows of a distributed load
@@ -170,15 +170,18 @@ def _add_loads(scene, posed, size):
                 along = R @ np.array(getattr(load, key), dtype=float) / _norm(load, key)
                 scene.arrow(g[:3, 3], length * along, colour, (0.003 if spread else 0.006) * size, heads)
             # the double arrow of a moment: it turns about the arrow, right-handed
-            handle = Line2D([], [], color=colour, marker=">" if heads == 1 else r"$\gg$", ms=5 + 3 * (heads - 1), lw=1.8)
-            value = with_unit(_norm(load, key), unit, 3)
+            marker = ">" if heads == 1 else r"$\gg$"
+            handle = Line2D([], [], color=colour, marker=marker, ms=5 if heads == 1 else 8, lw=1.8)
+            size_of = _norm(load, key)
+            value = f"{number(size_of, 3)} {unit}" if size_of >= 0.1 else with_unit(size_of, unit, 3)
             entries.append((handle, f"load {name} {value}{'/m' if spread else ''}"))
     return entries
 
 
 def _told(load):
     """Whether a load is of a kind that can be drawn, in plain numbers."""
-    return isinstance(load, Wrench | Distributed) and all(isinstance(x, int | float) for x in (*load.force, *load.moment))
+    kind = isinstance(load, Wrench | Distributed)
+    return kind and all(isinstance(x, int | float) for x in (*load.force, *load.moment))
 
 
 def _norm(load, key):

@@ -204,13 +204,12 @@ def _tick(ax, name, count):
     from matplotlib.ticker import MaxNLocator
 
     low, high = sorted(getattr(ax, f"get_{name}lim")())
-    clear, n = 0.06 * (high - low), count
-    while True:
+    clear = 0.06 * (high - low)
+    for n in range(count + 2, 0, -1):
         ticks = MaxNLocator(n, steps=[1, 2, 5, 10]).tick_values(low, high)
         ticks = ticks[(ticks > low + clear) & (ticks < high - clear)]
-        if len(ticks) <= count or n == 1:
+        if len(ticks) <= count:
             break
-        n -= 1
     if len(ticks) == 0 or len(ticks) > count:
         ticks = ticks[len(ticks) // 2 :][:1] if len(ticks) else np.array([(low + high) / 2]).round()
     getattr(ax, f"set_{name}ticks")(ticks)
@@ -233,12 +232,14 @@ def _dress(ax, scene):
     size = float(np.max(upper - lower))
     for name, span in zip(AXES, upper - lower, strict=True):
         axis = getattr(ax, f"{name}axis")
-        _tick(ax, name, max(2, round(5 * span / size)))
+        _tick(ax, name, max(3, round(5 * span / size)))
         axis.set_pane_color((1, 1, 1, 0))
         axis._axinfo["grid"].update(color="#dfe3e8", linewidth=0.5)  # no public way to set it
         axis.line.set_color("#9aa3ad")
-        getattr(ax, f"set_{name}label")(f"{name} [{scene.unit[1]}]", labelpad=4)
-        ax.tick_params(name, pad=1.5, labelsize=7, colors="#444444")
+        upright = AXES[scene.vertical()[0]] == name  # its labels stand beside it: wide ones further away
+        wide = max(0, max(len(f"{t:g}") for t in getattr(ax, f"get_{name}ticks")()) - 2) if upright else 0
+        getattr(ax, f"set_{name}label")(f"{name} [{scene.unit[1]}]", labelpad=7 + 7 * wide)
+        ax.tick_params(name, pad=1.5 + 3.6 * wide, labelsize=7, colors="#444444")
 
 
 # Painting in a plane

@@ -7,7 +7,7 @@ from rich.text import Text
 
 from socontrol.report import fits
 from socontrol.report.columns import columns, line, say
-from socontrol.report.units import fixed, miss, number, readable, with_unit
+from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
 
 TITLES = {"statics": "statics", "inverse_statics": "inverse statics", "fit": "fit to measurements"}
 BAR = 10  # characters
@@ -29,6 +29,7 @@ def render(result, console, verbose=0):
         _path(result, console)
     _inputs(result, console, on_path)
     _frames(result, console, verbose, on_path)
+    _joints(result, console)
     _goals(result, console, on_path)
     _trust(result, console, verbose)
     _prescribed(result, console)
@@ -149,7 +150,8 @@ def _tips(result):
 
 
 def _frames(result, console, verbose, on_path):
-    names = _segments(result) if verbose else _tips(result)
+    told = {*_tips(result), *(g.on for g in (getattr(result.question, "goals", None) or {}).values())}
+    names = [name for name in _segments(result) if verbose or name in told]
     if not names:
         return
     one, unit = readable("m", *(x for n in names for x in result[f"{n}.position"]))
@@ -173,6 +175,26 @@ def _frames(result, console, verbose, on_path):
             ),
         )
     columns(console, ["end of", *(f"{a} [{unit}]>" for a in "xyz"), "rotation vector [deg]"], rows)
+
+
+def _joints(result, console):
+    """Coordinates of the joints, noise left out."""
+    found = {k.removeprefix("coordinates."): v for k, v in result.values.items() if k.startswith("coordinates.")}
+    if not found:
+        return
+    shown = _shown(found, 5)
+    columns(console, ["joint", "value>", ""], [[(name, "bold"), *shown[name]] for name in found])
+
+
+def _shown(values, digits=4):
+    """{name: [number, unit]} of scalar Values; those of a unit share its reading, and noise beside the largest is 0."""
+    shown = {}
+    for unit in dict.fromkeys(v.unit for v in values.values()):
+        names = [name for name, v in values.items() if v.unit == unit]
+        numbers = quiet([values[name].value for name in names])
+        one, name_of_unit = readable(unit, *numbers)
+        shown |= {name: [number(x / one, digits), name_of_unit] for name, x in zip(names, numbers, strict=True)}
+    return shown
 
 
 def _goals(result, console, on_path):
@@ -200,7 +222,11 @@ def _trust(result, console, verbose):
     if "stability" in details:
         say(console, "stability", details["stability"], "" if details.get("stable", True) else "bold yellow")
     if details.get("limits") and not details.get("unreachable"):
-        say(console, "at limit", "; ".join(_limit(result, limit) for limit in details["limits"]))
+        past = [limit for limit in details["limits"] if limit.get("beyond", 0) > 0]
+        for label, rows in (("at limit", [x for x in details["limits"] if x not in past]), ("beyond limit", past)):
+            if rows:
+                style = "bold yellow" if label == "beyond limit" else ""
+                say(console, label, "; ".join(_limit(result, row) for row in rows), style)
     elif details.get("limits") == []:
         say(console, "at limit", "none")
     if "discretisation" in details:
@@ -214,7 +240,9 @@ def _trust(result, console, verbose):
 
 def _limit(result, limit):
     unit = _unit_of(result, limit)
-    return f"{limit['name']} {limit['side']}, {with_unit(limit['limit'], unit)}"
+    beyond = limit.get("beyond", 0)
+    past = f" by {with_unit(beyond, unit)}" if beyond > 0 else ""
+    return f"{limit['name']} {limit['side']}, {with_unit(limit['limit'], unit)}{past}"
 
 
 def _unit_of(result, limit):
@@ -303,11 +331,8 @@ def _prescribed(result, console):
     if not holding:
         return
     rows = [
-        [
-            (name, "bold"),
-            with_unit(v.value, v.unit) if v.unit != "conjugate" else f"{v.value:.4g} (SI, strain's conjugate)",
-        ]
-        for name, v in holding.items()
+        [(name, "bold"), " ".join((x, "(SI, strain's conjugate)" if unit == "conjugate" else unit)).rstrip()]
+        for name, (x, unit) in _shown(holding).items()
     ]
     columns(console, ["held coordinate", "holding force"], rows)
 
@@ -327,7 +352,7 @@ def _sensitivities(result, console):
         rows = []
         for name, values, unit in entries:
             one, shown = readable(unit)
-            rows.append([(name, "bold"), *(number(x / one) for x in values), shown])
+            rows.append([(name, "bold"), *(number(x / one) for x in quiet(values)), shown])
         line(console, Text(f"change of the inputs with {parameter}", style="dim"))
         parts = _components(result, parameter, len(entries[0][1]))
         columns(console, ["input", *(f"{c}>" for c in parts), ""], rows)
@@ -343,17 +368,38 @@ def _components(result, parameter, count):
 def _more(result, console, verbose):
     lengths = {k.removeprefix("lengths."): v for k, v in result.values.items() if k.startswith("lengths.")}
     if lengths:
-        rows = [[(name, "bold"), with_unit(v.value, v.unit, 6)] for name, v in lengths.items()]
-        columns(console, ["line or joint", "length>"], rows)
+        shown, counts = _shown(lengths, 6), _line_counts(result)
+        rows = [
+            [(name, "bold"), *shown[name], f"sum of {counts[name]} lines" if counts.get(name, 1) > 1 else ""]
+            for name in lengths
+        ]
+        columns(console, ["line or joint", "length>", "", ""], rows)
     energies = {k.removeprefix("energy."): v for k, v in result.values.items() if k.startswith("energy.")}
     if energies:
-        say(console, "energy", ", ".join(f"{k} {with_unit(v.value, v.unit)}" for k, v in energies.items()))
+        rows = _shown(energies).items()
+        say(console, "energy", ", ".join(f"{k} {x} {unit}" for k, (x, unit) in rows))
         line(console, "")
     if verbose > 1 and result.question is not None:
         robot = result.question.robot
         rows = [
             [(name, "bold"), f"{x:.6g}", unit if unit != "1" else ""]
-            for name, unit, x in zip(robot.coordinates, robot.coordinate_units, result.arrays["q"], strict=True)
+            for name, unit, x in zip(robot.coordinates, robot.coordinate_units, _quiet_by(robot, result), strict=True)
         ]
         if rows:
             columns(console, ["coordinate", "value>", "unit"], rows)
+
+
+def _quiet_by(robot, result):
+    """Coordinates without what is noise beside the largest of their unit."""
+    q, units = np.array(result.arrays["q"], dtype=float), np.array(robot.coordinate_units)
+    for unit in set(robot.coordinate_units):
+        q[units == unit] = quiet(q[units == unit])
+    return q
+
+
+def _line_counts(result):
+    """{input: number of its lines}: several chambers share a pressure."""
+    if result.question is None:
+        return {}
+    actuators = result.question.robot.description.actuators or {}
+    return {name: len(actuator.offsets()) for name, actuator in actuators.items() if hasattr(actuator, "offsets")}
