@@ -160,6 +160,7 @@ def fit(figure, ax, cell):
     figure.draw_without_rendering()
     drawn = ax.get_tightbbox()
     ax.set_box_aspect(np.ptp(limits, axis=1), zoom=min(cell[2] / drawn.width, cell[3] / drawn.height))
+    _clear(figure, ax)
     _thin(figure, ax)
     drawn, at, whole = ax.get_tightbbox(), ax.get_position(), ax.get_figure().bbox
     right = (cell[0] + cell[2] / 2 - (drawn.x0 + drawn.x1) / 2) / whole.width
@@ -167,16 +168,34 @@ def fit(figure, ax, cell):
     ax.set_position([at.x0 + right, at.y0 + up, at.width, at.height])
 
 
+def label_boxes(axis):
+    """Where the labels of a 3D axis were drawn last; `get_ticklabels` would put them back into two dimensions."""
+    return [tick.label1.get_window_extent() for tick in axis.get_major_ticks(len(axis.get_majorticklocs()))]
+
+
+def _clear(figure, ax):
+    """Move the labels of an upright axis away until none lies on its line."""
+    for _ in range(6):
+        figure.draw_without_rendering()
+        moved = False
+        for name in AXES:
+            axis = getattr(ax, f"{name}axis")
+            line = axis.line.get_window_extent()
+            touching = any(box.overlaps(line.padded(3.0)) for box in label_boxes(axis))
+            if line.width < 2.0 and touching:
+                ax.tick_params(name, pad=axis.get_major_ticks()[0].get_pad() + 3.0)
+                axis.labelpad += 5.0
+                moved = True
+        if not moved:
+            return
+
+
 def _thin(figure, ax):
-    """Take ticks away until no two labels touch."""
+    """Take ticks away and move the titles of axes out until no two labels touch."""
     counts = {name: len(getattr(ax, f"get_{name}ticks")()) for name in AXES}
     for _ in range(8):
         figure.draw_without_rendering()
-        boxes = [
-            (name, k, label.get_window_extent())
-            for name in AXES
-            for k, label in enumerate(getattr(ax, f"get_{name}ticklabels")())
-        ]
+        boxes = [(name, k, box) for name in AXES for k, box in enumerate(label_boxes(getattr(ax, f"{name}axis")))]
         titles = [(name, -1, getattr(ax, f"{name}axis").label.get_window_extent()) for name in AXES]
         hits = [
             (a, b)
@@ -189,8 +208,10 @@ def _thin(figure, ax):
         for name in {a[0] for a, b in hits if a[0] == b[0] and b[1] >= 0 and counts[a[0]] > 1}:
             counts[name] -= 1
             _tick(ax, name, counts[name])
+        for name in {b[0] for _, b in hits if b[1] < 0}:
+            getattr(ax, f"{name}axis").labelpad += 3.0
         for a, b in hits:
-            if a[0] != b[0] or b[1] < 0:
+            if a[0] != b[0] and b[1] >= 0:
                 name, k, _ = max((x for x in (a, b) if x[1] >= 0), key=lambda x: counts[x[0]])
                 ticks = list(getattr(ax, f"get_{name}ticks")())
                 if len(ticks) > 1 and len(ticks) == counts[name]:
