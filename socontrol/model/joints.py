@@ -122,6 +122,8 @@ def _linear(axis):
 
 
 def unit(axis):
+    if all(isinstance(a, (int, float)) for a in axis):
+        axis = [a / max(map(abs, axis)) for a in axis]  # a direction of any size
     axis = ca.vertcat(*axis)
     return axis / ca.norm_2(axis)
 
@@ -170,17 +172,10 @@ class Prismatic(Lumped):
 
 
 @record(kw_only=True)
-class Helical(Lumped):
+class Helical(Revolute):
     """Turns about `axis` through `point` and advances `pitch` metres per radian."""
 
     pitch: MetrePerRadian
-    axis: Axis = (1.0, 0.0, 0.0)
-    point: Position = (0.0, 0.0, 0.0)
-    stiffness: TorsionStiffness = 0.0
-    damping: TorsionDamping = 0.0
-    rest: Radian = 0.0
-    limits: Limits[Radian] | None = None
-    units = (ROTATION,)
 
     def Phi(self):
         a = unit(self.axis)

@@ -1,6 +1,7 @@
 """A path of waypoints: each solved from its neighbour, in order; one Result with arrays over the waypoints."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,27 +14,25 @@ def follow(solver, progress=None):
     name, path = solver.path
     waypoints = path.waypoints()
     began, warm, start, rows, attempts = time.perf_counter(), None, None, [], []
-    last = None
     for k, waypoint in enumerate(waypoints):
         targets = {f"target.{name}": path.stop(waypoint).numbers()}
-        outcome, tries = solver.find(targets, start, warm)
-        attempts += [(k, a) for a in tries]
         parameters = {**solver.posture.targets(), **targets}
-        last = (outcome, parameters, k)
+        try:
+            outcome, tries = solver.find(targets, start, warm)
+        except KeyboardInterrupt:  # between two calls of the solver: keep the waypoints that are done
+            if not rows:
+                raise
+            stopped = Status("interrupted", "Stopped by the user; what was solved is kept.")
+            outcome, tries = replace(rows[-1][0], status=stopped), []
+        attempts += tries
         if not outcome.status.solved:
             break
         rows.append((outcome, parameters))
         warm, start = outcome, outcome.values
         if progress:
             progress(k + 1, len(waypoints), f"{name} {k + 1}/{len(waypoints)}")
-    seconds = time.perf_counter() - began
-    result = solver.result(*last_outcome(last, attempts), seconds)
+    result = solver.result(outcome, attempts, parameters, time.perf_counter() - began)
     return _gathered(solver, result, rows, len(waypoints), name, path)
-
-
-def last_outcome(last, attempts):
-    outcome, parameters, _ = last
-    return outcome, [a for _, a in attempts], parameters
 
 
 class _Seen:

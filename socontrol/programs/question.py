@@ -1,5 +1,6 @@
 """What all questions about a robot share: the robot, loads, given values, bounds, guess, and what is expected."""
 
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -82,7 +83,7 @@ class Question:
         if over := self.robot.overstrained(self.vector("coordinates", self.coordinates)):
             raise Bad("coordinates", f"section {over[0]} would turn too far; a section holds for up to 2 pi")
 
-    @property
+    @cached_property
     def loaded(self):
         """The robot with the problem's loads."""
         for name in self.loads or {}:
