@@ -153,6 +153,9 @@ class InverseSolver:
 
     def _find(self, parameters, attempt, start, warm):
         posture = self.posture
+        if posture.overdetermined:
+            near = attempt("nearest", posture.nearest, guess=start or self.guess())
+            return self._several_starts(parameters, attempt, near, near)
         if warm is not None:
             outcome = attempt("neighbour", posture.exact, warm=warm)
             if outcome.status.solved:
@@ -194,6 +197,8 @@ class InverseSolver:
         lower = np.where(np.isfinite(lower), lower, -self.balance.scales.u)
         upper = np.where(np.isfinite(upper), upper, self.balance.scales.u)
         best = near if near.status.solved else None
+        if self.posture.overdetermined and best is not None and self.meets(best, parameters):
+            return replace(best, status=self._verdict(best, outcome, parameters))
         for k in range(self.question.solver.starts):
             u = lower + (upper - lower) * rng.random(lower.size)
             q = self.balance.solve(u, self.rest["q"], prescribed=self.posture.prescribed).q
@@ -201,7 +206,7 @@ class InverseSolver:
             near = attempt(f"nearest, start {k + 1}", self.posture.nearest, guess=guess)
             if near.status.solved and (best is None or near.cost < best.cost - 1e-12):
                 best = near
-            if near.status.solved and self.meets(near, parameters, 1e-3):
+            if near.status.solved and not self.posture.overdetermined and self.meets(near, parameters, 1e-3):
                 found = attempt(f"start {k + 1}", self.posture.exact, guess=near.values)
                 if found.status.solved:
                     return found
@@ -214,8 +219,6 @@ class InverseSolver:
         if self.meets(best, parameters):
             sentence = "Solved; the goal's conditions are singular there, so that the cost may not be the least."
             return Status("solved", sentence)
-        if "More conditions" in exact.status.message:
-            return Status("infeasible", exact.status.message)
         if exact.status.outcome == "numerical" and self.meets(best, parameters, 1e-4):
             return Status("numerical", f"The goal is nearly met, then: {exact.status.message}")
         return Status("infeasible", "The goal is out of reach; the nearest reachable posture is returned.")

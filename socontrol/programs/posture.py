@@ -53,6 +53,18 @@ class Posture:
         mask[list(self.prescribed)] = False
         return mask
 
+    @cached_property
+    def counts(self):
+        """(numbers that unweighted goals ask for, inputs that are free to meet them)."""
+        lower, upper = self.limits()["u"]
+        asked = sum(len(goal.units()) for goal in self.goals.values() if goal.weight is None)
+        return asked, int(np.sum(lower < upper))
+
+    @property
+    def overdetermined(self):
+        """Whether goals ask for more numbers than there are free inputs: met by luck or redundancy only."""
+        return self.counts[0] > self.counts[1]
+
     def targets(self):
         """{parameter: numbers} of the goals as declared."""
         return {f"target.{name}": goal.numbers() for name, goal in self.goals.items()}

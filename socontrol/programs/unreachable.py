@@ -12,7 +12,7 @@ def explain(solver, result, outcome, parameters):
     """The result of an infeasible goal with `details["unreachable"]` and a message that names the limits."""
     posture, robot = solver.posture, solver.question.robot
     rows = []
-    for limit in result.details["limits"]:
+    for limit in [] if posture.overdetermined else result.details["limits"]:
         needed = _alone(solver, limit, outcome, parameters)
         rows.append(
             {**{k: limit[k] for k in ("kind", "name", "side", "limit")}, "needed": needed, "unit": _unit(robot, limit)}
@@ -24,7 +24,8 @@ def explain(solver, result, outcome, parameters):
             short[name] = {str(unit): float(np.linalg.norm(miss[units == unit])) for unit in dict.fromkeys(units)}
     values = {f"short.{n}": Value(x, unit) for n, by_unit in short.items() for unit, x in list(by_unit.items())[:1]}
     details = {**result.details, "unreachable": rows, "short": short}
-    status = Status("infeasible", _sentence(short, rows))
+    sentence = _too_many(short, *posture.counts) if posture.overdetermined else _sentence(short, rows)
+    status = Status("infeasible", sentence)
     return Result(**{**vars(result), "status": status, "details": details, "values": {**result.values, **values}})
 
 
@@ -56,11 +57,20 @@ def _alone(solver, limit, outcome, parameters):
     return None
 
 
-def _sentence(short, rows):
-    misses = " and ".join(
-        f"{name} by {pretty(x, unit)}" for name, by_unit in short.items() for unit, x in by_unit.items() if x > 1e-9
+def _misses(short):
+    rows = [(name, unit, x) for name, by_unit in short.items() for unit, x in by_unit.items() if x > 1e-9]
+    return " and ".join(f"{name} by {pretty(x, unit)}" for name, unit, x in rows) or "the goal"
+
+
+def _too_many(short, asked, free):
+    return (
+        f"Out of reach: the goals ask for {asked} numbers and {free} inputs are free, the nearest posture misses"
+        f" {_misses(short)}; give a goal a weight, or leave coordinates null."
     )
-    text = f"Out of reach: the nearest posture misses {misses or 'the goal'}."
+
+
+def _sentence(short, rows):
+    text = f"Out of reach: the nearest posture misses {_misses(short)}."
     for row in rows:
         needed = (
             "not by this limit alone"
