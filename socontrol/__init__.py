@@ -27,4 +27,4 @@ def __getattr__(name):
 
 
 def __dir__():
-    return [*globals(), *_HOMES]
+    return [*__all__, "__version__"]

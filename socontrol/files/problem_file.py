@@ -58,7 +58,18 @@ def resolved(document, path, overrides=()):
         document = override(document, text)
     document = inlined(document, Path(path).parent)
     for text in overrides:
-        document = override(document, text) if text not in whole else document
+        document = override(_opened(document, text), text) if text not in whole else document
+    return document
+
+
+def _opened(document, text):
+    """The document with what an override reaches into; FileError where it means a key of the robot."""
+    head = text.split(".")[0].split("=")[0].strip()
+    if head == "solver" and "solver" not in document.data:
+        return replace(document, data={**document.data, "solver": {"type": "ipopt"}})
+    robot = document.data.get("robot")
+    if head not in document.data and isinstance(robot, dict) and head in robot:
+        raise FileError(f"'{head}' is a key of the robot; write robot.{text.strip()}", file="--set")
     return document
 
 
