@@ -24,6 +24,7 @@ FLOORS = [  # a name ending in "/" is every other module of that folder
     ["mechanics/robot"],
     ["mechanics/statics", "mechanics/internal"],
     ["mechanics/"],
+    ["mechanics/lines"],
     ["mechanics/loads", "mechanics/kinematics"],
     ["model/tree"],
     ["model/joints", "model/rods"],

@@ -8,7 +8,8 @@ import pytest
 from robots import array, gap, rod, spring
 
 from socontrol.files.loader import FileError, validate
-from socontrol.mechanics.actuators import Chamber, Chord, JointTorque, Tendon, line_element
+from socontrol.mechanics.actuators import Chamber, JointTorque, Tendon
+from socontrol.mechanics.lines import Chord, line_element
 from socontrol.mechanics.loads import Wrench
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.bodies import Body, Placement

@@ -7,7 +7,8 @@ import pytest
 import robots
 from rich.console import Console
 
-from socontrol.mechanics.actuators import Chamber, JointTorque, NormalLine
+from socontrol.mechanics.actuators import Chamber, JointTorque
+from socontrol.mechanics.lines import NormalLine
 from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.bodies import Placement

@@ -34,8 +34,8 @@ class Rod:
 
     strains: a row of the distributed joint table or a list of strain names. sections: their number, or a list of
     length fractions. quadrature: Gauss points a section; against 32 of them the tip of a tapered arm with converging
-    cables moves by 8e-13 of its length with 5 points and by rounding with 8, the default. rest: rest value by strain, a number or a list by section
-    (an inactive strain is held at its rest value).
+    cables moves by 8e-13 of its length with 5 points and by rounding with 8, the default. rest: rest value by strain,
+    a number or a list by section (an inactive strain is held at its rest value).
     """
 
     length: Length

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.mechanics import elasticity
-from socontrol.mechanics.actuators import Chord, NormalLine, RodLine
+from socontrol.mechanics.lines import Chord, NormalLine, RodLine
 from socontrol.mechanics.loads import Field
 from socontrol.model.quadrature import gauss_legendre
 

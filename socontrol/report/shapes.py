@@ -10,7 +10,7 @@ from math import pi
 import casadi as ca
 import numpy as np
 
-from socontrol.mechanics.actuators import Chord, RodLine
+from socontrol.mechanics.lines import Chord, RodLine
 from socontrol.model.rods import Rod
 from socontrol.model.sections import section_at
 

@@ -1,0 +1,190 @@
+"""What an input does to one piece: lines through rods and joints, and torques, with exact derivatives.
+
+A line runs at d(X) = (0, y, z) through a rod; its tangent is t = v / |v| with v = p + k x d + d' = E xi + d',
+E = [-skew(d) I]. Axial force N: -T in a cable of tension T, +P a in a chamber of pressure P and area a. Then
+    tau = N int Phi^T E^T t ds = N d(length)/dq,   d tau/dq = N int Phi^T E^T (I - t t^T)/|v| E Phi ds.
+A `NormalLine` pushes along the section's normal e1 instead. Through a joint a cable runs straight between the guide
+holes of its two sides. |v| and that chord have floors (LINE_FLOOR, CHORD_FLOOR) far below any real length, so that
+a line of no length keeps a finite force. Source: F. Renda et al., RA-L 2020 (T there is N here).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from socontrol.lie import arcs, se3
+from socontrol.mechanics.loads import dead
+
+E1 = ca.DM([1, 0, 0])
+LINE_FLOOR = 1e-12  # of |v|, 1 in a straight unstretched rod: its square vanishes in rounding unless |v| < 1e-4
+CHORD_FLOOR = 1e-9  # of a chord beside its own length at q = 0: its square vanishes in rounding above 1e-1
+
+
+def norm(x):
+    """Length of x [3], a float where x holds numbers."""
+    return ca.norm_2(x) if ca.symvar(ca.SX(x)) else float(ca.norm_2(ca.DM(x)))
+
+
+@lru_cache(maxsize=1)
+def line_element():
+    """Function (xi, d, d') -> |v|, E^T t [6] and its derivative in xi [6 x 6], made once and inlined."""
+    xi, d, slope = ca.SX.sym("xi", 6), ca.SX.sym("d", 3), ca.SX.sym("slope", 3)
+    E = ca.horzcat(-ca.skew(d), ca.DM.eye(3))
+    v = E @ xi + slope
+    size = _size(v)
+    pull = E.T @ (v / size)
+    return ca.Function("line_element", [xi, d, slope], [size, pull, (E.T @ E - pull @ pull.T) / size])
+
+
+def _size(v, floor=LINE_FLOOR):
+    """sqrt(v . v + floor^2): smooth, and above 0 where v [3] vanishes."""
+    return ca.sqrt(ca.dot(v, v) + floor**2)
+
+
+@dataclass(frozen=True)
+class RodLine:
+    """A line through one section of rod.
+
+    nodes: (weight [m], d [3], dd/ds [3]); gain: N per unit of input; ends: d at x = 0 and 1; part: the x it covers.
+    """
+
+    piece: int
+    nodes: tuple
+    gain: Any
+    ends: tuple = ()
+    part: tuple = (0.0, 1.0)
+
+    conservative = True
+
+    def length(self, tree, q):
+        """int |v| ds [m]."""
+        return self._sum(tree.pieces[self.piece], q)[0]
+
+    def force(self, tree, q):
+        """Generalised force [n_i] for unit input."""
+        piece = tree.pieces[self.piece]
+        return self.gain * (piece.Phi.T @ self._sum(piece, q)[1])
+
+    def gradient(self, tree, q):
+        """d(force)/dq [n_i x n_i]."""
+        piece = tree.pieces[self.piece]
+        return self.gain * (piece.Phi.T @ self._sum(piece, q)[2] @ piece.Phi)
+
+    def _sum(self, piece, q):
+        """int (|v|, E^T t, E^T (I - t t^T) E / |v|) ds over the nodes."""
+        xi, totals = piece.strain(q), (0, 0, 0)
+        for w, d, slope in self.nodes:
+            totals = [total + w * value for total, value in zip(totals, line_element()(xi, d, slope), strict=True)]
+        return totals
+
+    def wrench(self, tree, q, x):
+        """F_a = gain [d x t; t] [6] at x, body frame, for unit input; zero where the line does not run."""
+        if not self.part[0] <= x <= self.part[1]:
+            return ca.DM(6, 1)
+        piece, d = tree.pieces[self.piece], (1 - x) * self.ends[0] + x * self.ends[1]
+        xi = piece.strain(q)
+        v = xi[3:] + ca.cross(xi[:3], d) + self.nodes[0][2]
+        t = self._direction(v)
+        return self.gain * ca.vertcat(ca.cross(d, t), t)
+
+    def _direction(self, v):
+        return v / _size(v)
+
+
+@dataclass(frozen=True)
+class NormalLine(RodLine):
+    """A chamber that pushes along the section normal: F_a = [d x e1; e1], whatever the strain."""
+
+    def length(self, tree, q):
+        """int e1 . v ds [m], linear in q, shifted to int |v| ds at q = 0: force = gain d(length)/dq."""
+        piece = tree.pieces[self.piece]
+        straight = self._sum(piece, ca.DM(tree.n, 1))[0]
+        return straight + self._pull().T @ (piece.Phi @ q[piece.columns])
+
+    def force(self, tree, q):
+        return self.gain * (tree.pieces[self.piece].Phi.T @ self._pull())
+
+    def gradient(self, tree, q):
+        size = tree.pieces[self.piece].size
+        return ca.DM(size, size)
+
+    def _pull(self):
+        """int E^T e1 ds [6]."""
+        return sum(w * ca.vertcat(ca.cross(d, E1), E1) for w, d, _ in self.nodes)
+
+    def _direction(self, v):
+        return E1
+
+
+@dataclass(frozen=True)
+class Chord:
+    """A straight run from `start` [3, base frame of a joint] to `stop` [3, its moving frame].
+
+    Its length is sqrt(span^2 + floor^2), floor = CHORD_FLOOR |stop - start|: where the two holes meet, the direction
+    of pull is undefined, and the force passes smoothly through zero within about that distance.
+    """
+
+    piece: int
+    start: Any
+    stop: Any
+    gain: Any
+
+    conservative = True
+
+    def length(self, tree, q):
+        return self._size(self._span(tree, q)[1])
+
+    def force(self, tree, q):
+        g, span, S = self._span(tree, q)
+        t = span / self._size(span)
+        return self.gain * (S.T @ ca.vertcat(ca.cross(se3.transform(g, self.stop), t), t))
+
+    def gradient(self, tree, q):
+        g, span, S = self._span(tree, q)
+        size = self._size(span)
+        t, y = span / size, se3.transform(g, self.stop)
+        E = ca.horzcat(-ca.skew(y), ca.DM.eye(3))
+        turn = E.T @ ((ca.DM.eye(3) - t @ t.T) / size) @ E
+        F = ca.vertcat(ca.cross(y, t), t)
+        piece = tree.pieces[self.piece]
+        return self.gain * (piece.wrench_gradient(q, 1.0, F) + S.T @ (dead(y, t, 1) + turn) @ S)
+
+    def _span(self, tree, q):
+        g, S = tree.pieces[self.piece].step(q, 1.0)
+        return g, se3.transform(g, self.stop) - self.start, S
+
+    def _size(self, span):
+        return _size(span, CHORD_FLOOR * norm(self.stop - self.start))
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Input `degree` of a joint: the body wrench dual to that column of Phi, tau = S_body^T Phi (Phi^T Phi)^-1 u."""
+
+    piece: int
+    degree: int
+    gain: float = 1.0
+    conservative = False  # of several degrees of freedom; for one its gradient is zero anyway
+
+    def length(self, tree, q):
+        return q[tree.pieces[self.piece].columns][self.degree]
+
+    def force(self, tree, q):
+        piece = tree.pieces[self.piece]
+        if piece.is_screw:
+            return ca.DM.ones(1, 1)
+        S_body = se3.tangent(-piece.strain(q), piece.coefficients()) @ piece.Phi
+        return S_body.T @ self._wrench(piece)
+
+    def gradient(self, tree, q):
+        piece = tree.pieces[self.piece]
+        if piece.is_screw:
+            return ca.DM(1, 1)
+        gradient = arcs.tangent_gradient(-piece.strain(q), self._wrench(piece), piece.coefficients())
+        return -(piece.Phi.T @ gradient @ piece.Phi)
+
+    def _wrench(self, piece):
+        dual = piece.Phi @ ca.inv(piece.Phi.T @ piece.Phi)
+        return dual[:, self.degree]
