@@ -1,5 +1,6 @@
 """Sensitivities of the inputs: against answers solved again nearby, and refused where there is a kink."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -158,7 +159,7 @@ def test_sensitivities_of_the_tip_to_its_own_goal_are_the_identity():
 
 def test_results_carry_sensitivities_with_units_when_asked():
     question = determined_under_load()
-    result = InverseStatics(**{**vars(question), "sensitivities": True}).solve().require()
+    result = replace(question, sensitivities=True).solve().require()
     rows = result.details["sensitivities"]
     assert rows["low_up/target.tip"].unit == "Pa/m"
     assert rows["low_up/loads.pull.force"].unit == "Pa/N"
@@ -182,7 +183,7 @@ def touching(offset=0.0):
 
 @pytest.mark.parametrize("settings", [Ipopt(), PRECISE])
 def test_a_limit_that_is_just_touched_is_refused_by_name(settings):
-    solver = InverseStatics(**{**vars(touching()), "solver": settings}).prepare()
+    solver = replace(touching(), solver=settings).prepare()
     outcome, _ = solver.find({})
     assert outcome.status.solved
     with pytest.raises(Degenerate, match="high_right"):
@@ -235,6 +236,6 @@ def test_a_determined_answer_on_a_limit_is_refused():
 
 def test_results_say_why_there_are_no_sensitivities():
     question = touching()
-    result = InverseStatics(**{**vars(question), "sensitivities": True}).solve().require()
+    result = replace(question, sensitivities=True).solve().require()
     assert result.details["sensitivities"].startswith("none: ")
     assert "high_right" in result.details["sensitivities"]

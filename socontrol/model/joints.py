@@ -141,8 +141,8 @@ def normal_basis(normal):
 
 
 @record(kw_only=True)
-class Revolute(Lumped):
-    """Turns about `axis` through `point`."""
+class AboutAxis(Lumped):
+    """What turning joints of one degree of freedom share."""
 
     axis: Axis = (1.0, 0.0, 0.0)
     point: Position = (0.0, 0.0, 0.0)
@@ -151,6 +151,11 @@ class Revolute(Lumped):
     rest: Radian = 0.0
     limits: Limits[Radian] | None = None
     units = (ROTATION,)
+
+
+@record(kw_only=True)
+class Revolute(AboutAxis):
+    """Turns about `axis` through `point`."""
 
     def Phi(self):
         return _through(self.point, _angular(unit(self.axis)))
@@ -172,7 +177,7 @@ class Prismatic(Lumped):
 
 
 @record(kw_only=True)
-class Helical(Revolute):
+class Helical(AboutAxis):
     """Turns about `axis` through `point` and advances `pitch` metres per radian."""
 
     pitch: MetrePerRadian

@@ -6,6 +6,7 @@ then from further starts (random inputs, fixed seed). Every attempt is kept in `
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -112,18 +113,14 @@ class InverseSolver:
         self.balance = Balance(robot, load_parameters(robot))
         self.posture = Posture(question, goals, self.balance)
         self.look = Look(question, self.balance)
-        self._rest = None
 
-    @property
+    @cached_property
     def rest(self):
-        """Equilibrium coordinates [n] without effort: inputs at 0 (or what is given, or the limit nearest 0)."""
-        if self._rest is None:
-            lower, upper = self.posture.limits()["u"]
-            u = np.clip(np.zeros(self.question.robot.m), lower, upper)
-            answer = self.balance.solve(u, prescribed=self.posture.prescribed)
-            q = answer.q if answer.status.solved else np.zeros(self.question.robot.n)
-            self._rest = {"q": q, "u": u}
-        return self._rest
+        """Equilibrium {q, u} without effort: inputs at 0 (or what is given, or the limit nearest 0)."""
+        lower, upper = self.posture.limits()["u"]
+        u = np.clip(np.zeros(self.question.robot.m), lower, upper)
+        answer = self.balance.solve(u, prescribed=self.posture.prescribed)
+        return {"q": answer.q if answer.status.solved else np.zeros(self.question.robot.n), "u": u}
 
     def guess(self):
         """Where the plain solve starts: the question's guess, or rest."""
