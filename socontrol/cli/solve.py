@@ -55,6 +55,8 @@ def solve_one(path, settings, interrupts):
     except (FileError, UnreadableFile) as error:
         code = told(error)
         message = str(error)
+    except BrokenPipeError:  # nobody reads on: for the whole command to end
+        raise
     except (Exception, KeyboardInterrupt) as error:  # one bad problem of several must not stop the others
         if interrupted(error):
             say(f"{path}: interrupted")

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import casadi as ca
+import numpy as np
 
 from socontrol.lie import stumpff
 from socontrol.mechanics import loads as load_family
@@ -213,13 +214,22 @@ class Robot:
 
     def overstrained(self, q):
         """Names of rod sections bent or twisted past the range |k| length <= 2 pi of the series, for numeric q."""
-        names = []
+        names, q = [], np.asarray(q, dtype=float).ravel()
+        for name, columns, slope, offset in self._turns:
+            angle = float(np.linalg.norm(slope @ q[columns] + offset))
+            if not angle <= stumpff.RANGE:
+                names.append(f"{name} ({angle:.3g} rad)")
+        return names
+
+    @cached_property
+    def _turns(self):
+        """(name, columns, slope, offset) of each section of rod: how far it turns is |slope q_i + offset| [rad]."""
+        rows = []
         for piece in self.tree.pieces:
             if piece.is_rod:
-                angle = float(ca.norm_2(piece.strain(ca.DM(q))[:3])) * float(piece.length)
-                if not angle <= stumpff.RANGE:
-                    names.append(f"{piece.segment}.{piece.index} ({angle:.3g} rad)")
-        return names
+                slope, offset = (float(piece.length) * np.array(ca.DM(m))[:3] for m in (piece.Phi, piece.xi_bar))
+                rows.append((f"{piece.segment}.{piece.index}", piece.columns, slope, offset.ravel()))
+        return rows
 
     def functions(self, parameters=()):
         """Named CasADi Functions of this robot; `parameters`: paths of values that become a trailing argument."""

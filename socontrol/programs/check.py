@@ -183,13 +183,18 @@ def exponentials(xi, s):
     """exp(s hat(xi)) [k x 4 x 4] at arcs s [k] by Rodrigues' formula."""
     W, z = skew(xi[:3]), s * np.linalg.norm(xi[:3])
     near = z < 1e-2
-    safe = np.where(near, 1.0, z)
-    a = s * np.where(near, 1 - z**2 / 6 + z**4 / 120, np.sin(safe) / safe)
-    b = s**2 * np.where(near, 0.5 - z**2 / 24 + z**4 / 720, 2 * (np.sin(safe / 2) / safe) ** 2)
-    c = s**3 * np.where(near, 1 / 6 - z**2 / 120 + z**4 / 5040, (safe - np.sin(safe)) / safe**3)
+    if near.any():
+        safe = np.where(near, 1.0, z)
+        a = s * np.where(near, 1 - z**2 / 6 + z**4 / 120, np.sin(safe) / safe)
+        b = s**2 * np.where(near, 0.5 - z**2 / 24 + z**4 / 720, 2 * (np.sin(safe / 2) / safe) ** 2)
+        c = s**3 * np.where(near, 1 / 6 - z**2 / 120 + z**4 / 5040, (safe - np.sin(safe)) / safe**3)
+    else:
+        t, sine = s / z, np.sin(z)
+        a, b, c = t * sine, 2 * (t * np.sin(z / 2)) ** 2, t**3 * (z - sine)
+    WW = W @ W
     g = np.zeros((s.size, 4, 4))
-    g[:, :3, :3] = np.eye(3) + a[:, None, None] * W + b[:, None, None] * (W @ W)
-    g[:, :3, 3] = s[:, None] * xi[3:] + b[:, None] * (W @ xi[3:]) + c[:, None] * (W @ W @ xi[3:])
+    g[:, :3, :3] = np.eye(3) + a[:, None, None] * W + b[:, None, None] * WW
+    g[:, :3, 3] = s[:, None] * xi[3:] + b[:, None] * (W @ xi[3:]) + c[:, None] * (WW @ xi[3:])
     g[:, 3, 3] = 1.0
     return g
 
