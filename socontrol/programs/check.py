@@ -17,7 +17,7 @@ from socontrol.mechanics.loads import Field
 from socontrol.model.quadrature import gauss_legendre
 
 POINTS = 16  # Gauss points of the adjoint's integral: exact to 1e-13 for one full turn
-FEWER, GENTLE = 8, 1.0  # and that many to 1e-14 where a section turns by less than a radian
+GENTLE = ((0.5, 6), (1.0, 8))  # (largest turn [rad], points): enough for 1e-14 there
 
 
 def residual(robot, q, u, factor=2):
@@ -84,7 +84,9 @@ class _Load:
         if self.follower:
             force = np.einsum("kij,kj->ki", g[:, :3, :3], force)
             moment = np.einsum("kij,kj->ki", g[:, :3, :3], moment)
-        return np.hstack([np.cross(g[:, :3, 3], force) + moment, force])
+        r = g[:, :3, 3]
+        turned = r[:, [1, 2, 0]] * force[:, [2, 0, 1]] - r[:, [2, 0, 1]] * force[:, [1, 2, 0]]
+        return np.hstack([turned + moment, force])
 
 
 class _Line:
@@ -212,7 +214,7 @@ def adjoints(g):
 
 def moved(xi, s):
     """int_0^s Ad(exp(sigma xi)) dsigma [k x 6 x 6] for arcs s [k], by Gauss quadrature."""
-    gentle = np.linalg.norm(xi[:3]) * np.max(s, initial=0.0) < GENTLE
-    nodes, weights = (np.array(a) for a in gauss_legendre(FEWER if gentle else POINTS))
-    Ad = adjoints(exponentials(xi, np.outer(s, nodes).ravel())).reshape(s.size, nodes.size, 6, 6)
-    return s[:, None, None] * np.einsum("p,kpij->kij", weights, Ad)
+    turn = np.linalg.norm(xi[:3]) * np.max(s, initial=0.0)
+    nodes, weights = map(np.array, gauss_legendre(next((n for most, n in GENTLE if turn < most), POINTS)))
+    Ad = adjoints(exponentials(xi, np.outer(s, nodes).ravel())).reshape(s.size, nodes.size, 36)
+    return s[:, None, None] * (weights @ Ad).reshape(s.size, 6, 6)
