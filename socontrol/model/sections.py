@@ -24,6 +24,7 @@ from socontrol.quantities import (
     Number,
     OneOf,
     SecondMoment,
+    is_symbolic,
     record,
 )
 
@@ -65,7 +66,7 @@ def _less_holes(whole, holes, torsion_constant):
 def _sum(terms):
     """Sum of terms; 0 for what symmetric holes leave by rounding, so that a centred section is known to be centred."""
     total = sum(terms)
-    numbers = not any(map(_symbolic, terms))
+    numbers = not any(map(is_symbolic, terms))
     return 0 if numbers and abs(total) <= 1e-12 * sum(map(abs, terms)) else total
 
 
@@ -199,15 +200,11 @@ class General:
     def __post_init__(self):
         for key in ("stiffness", "inertia"):
             for index, value in enumerate(getattr(self, key)):
-                if not _symbolic(value) and value <= 0:
+                if not is_symbolic(value) and value <= 0:
                     raise Bad(f"{key}.{index}", f"{value:g} is not positive")
 
     def outline(self):
         return [("circle", self.radius)]
-
-
-def _symbolic(value):
-    return isinstance(value, (ca.SX, ca.MX))
 
 
 SECTIONS = {"circle": Circle, "annulus": Annulus, "rectangle": Rectangle, "ellipse": Ellipse, "general": General}
@@ -271,7 +268,7 @@ def _between(a, b, X):
     """Linear interpolation of every number of two records of one kind."""
     if is_dataclass(a):
         values = {f.name: _between(getattr(a, f.name), getattr(b, f.name), X) for f in fields(a)}
-        if not any(map(_symbolic, values.values())):
+        if not any(map(is_symbolic, values.values())):
             return replace(a, **values)
         other = copy.copy(a)  # without the checks of the constructor, which need numbers
         for name, value in values.items():
