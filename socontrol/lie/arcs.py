@@ -85,6 +85,27 @@ def exp_and_tangent(Omega, coefficients=stumpff.series):
 
 
 @lru_cache(maxsize=4)
+def _tangent_slopes(coefficients):
+    Omega, rate = ca.SX.sym("Omega", 6), ca.SX.sym("rate", 6)
+    T = se3.tangent(Omega, coefficients)
+    slope = ca.reshape(ca.jtimes(ca.vec(T), Omega, rate), 6, 6)
+    return (
+        ca.Function("tangent_slope", [Omega, rate], [slope]),
+        ca.Function("tangent_rate", [Omega, rate], [ca.jtimes(T @ rate, Omega, rate)]),
+    )
+
+
+def tangent_slope(Omega, rate, coefficients=stumpff.series):
+    """d/dt tangent(Omega) [6 x 6] at Omega_dot = rate."""
+    return _tangent_slopes(coefficients)[0](Omega, rate)
+
+
+def tangent_rate(Omega, rate, coefficients=stumpff.series):
+    """d/dt tangent(Omega) Omega_dot [6] at Omega_dot = rate, Omega_ddot = 0."""
+    return _tangent_slopes(coefficients)[1](Omega, rate)
+
+
+@lru_cache(maxsize=4)
 def _tangent_gradient(coefficients):
     """The coefficients enter as symbols with known slopes dc_k/dx, so that their sums are formed once."""
     Omega, F, c = ca.SX.sym("Omega", 6), ca.SX.sym("F", 6), ca.SX.sym("c", 6)

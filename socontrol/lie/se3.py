@@ -112,6 +112,23 @@ def exp_and_tangent(Omega, coefficients=series):
     return pose(R, A @ v), ca.blockcat([[A, ca.DM(3, 3)], [Q, A]])
 
 
+def screw_motion(Phi, angle):
+    """exp(angle Phi) [4 x 4] of a twist Phi [6] that stays the same, for any angle.
+
+    With k = |w|, a = w / k: R = I + sin a~ + (1 - cos) a~^2, r = (sin / k + (1 - cos) / k a~ + (angle - sin / k) a a^T) v.
+    """
+    w, v = Phi[:3, 0], Phi[3:, 0]
+    if w.is_constant() and float(ca.sumsqr(ca.DM(w))) == 0:
+        return pose(ca.DM.eye(3), v * angle)
+    k = ca.norm_2(w)
+    a = ca.sparsify(w / k)
+    turn, sine, gap = ca.skew(a), ca.sin(k * angle), 1 - ca.cos(k * angle)
+    R = ca.DM.eye(3) + sine * turn + gap * (turn @ turn)
+    along = a @ (a.T @ v)
+    r = sine / k * (v - along) + gap / k * (turn @ v) + angle * along
+    return pose(R, r)
+
+
 def log(g):
     """Omega [6] with exp(Omega) = g [4 x 4], angle at most pi, smooth below pi."""
     w = so3.log(rotation(g))

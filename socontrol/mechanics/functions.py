@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import screws, stumpff
-from socontrol.mechanics import internal
+from socontrol.mechanics import articulated, composite, floating, internal, newton_euler
 from socontrol.mechanics.kinematics import Kinematics
 from socontrol.mechanics.statics import Statics
 
@@ -84,6 +84,8 @@ class Functions:
         self._q = ca.SX.sym("q", robot.n)
         self._qd = ca.SX.sym("qd", robot.n)
         self._u = ca.SX.sym("u", robot.m)
+        self._qdd = ca.SX.sym("qdd", robot.n)
+        self._qdd_joints = ca.SX.sym("qdd_joints", max(0, robot.n - 6))
         pieces = ca.vertsplit(self._p, np.cumsum([0, *(v.size for v in values.values())]).tolist()) if values else []
         self.robot = robot.with_values(
             {path: _like(robot.value(path), symbol) for path, symbol in zip(values, pieces, strict=True)}
@@ -93,7 +95,8 @@ class Functions:
     def _function(self, name, arguments, expression, outputs=None, place=None):
         key = name, place  # names of two places can agree: they hold six digits of X and plain letters
         if key not in self._made:
-            symbols = {"q": self._q, "qd": self._qd, "u": self._u, "p": self._p}
+            symbols = {"q": self._q, "qd": self._qd, "u": self._u, "qdd": self._qdd, "p": self._p}
+            symbols["qdd_joints"] = self._qdd_joints
             names = [*arguments, "p"] if self.parameters else list(arguments)
             results = expression()
             results = results if isinstance(results, (list, tuple)) else [results]
@@ -145,8 +148,64 @@ class Functions:
 
     @property
     def external_force(self):
-        """Generalised force [n] of gravity and loads (q, qd); no load of this version depends on qd."""
-        return self._function("external_force", ("q", "qd"), self._statics.external_force)
+        """Generalised force [n] of gravity, buoyancy, loads, and the water's drag and lift (q, qd)."""
+        return self._function("external_force", ("q", "qd"), self._external)
+
+    def _external(self):
+        return self._statics.weights_and_loads() + newton_euler.water_force(self.robot, self._q, self._qd)
+
+    def _still(self):
+        """Elastic + damping qd - weights and loads [n]: what is left of tau where masses and water do not count."""
+        s = self._statics
+        return s.elastic_force() + s.damping() @ self._qd - s.weights_and_loads()
+
+    @property
+    def mass(self):
+        """M [n x n], with added mass (q)."""
+        return self._function("mass", "q", lambda: composite.mass(self.robot, self._kin))
+
+    @property
+    def coriolis(self):
+        """C [n x n], M' - 2 C skew (q, qd)."""
+        return self._function("coriolis", ("q", "qd"), lambda: composite.coriolis(self.robot, self._kin, self._qd))
+
+    @property
+    def inverse_dynamics(self):
+        """tau [n] = M qdd + C qd + elastic + damping qd - external, without loops (q, qd, qdd)."""
+
+        def forces():
+            return newton_euler.inertial_force(self.robot, self._q, self._qd, self._qdd) + self._still()
+
+        return self._function("inverse_dynamics", ("q", "qd", "qdd"), forces)
+
+    @property
+    def floating_inverse_dynamics(self):
+        """Accelerations of a free base's coordinates [6] and the forces of all others [n - 6], no wrench on the base.
+
+        (q, qd, qdd_joints [n - 6]). Raises ValueError unless one free joint carries the robot.
+        """
+        floating.base_piece(self.robot.tree)
+
+        def answers():
+            return list(floating.inverse_dynamics(self.robot, self._kin, self._qd, self._qdd_joints, self._still()))
+
+        arguments = ("q", "qd", "qdd_joints")
+        return self._function("floating_inverse_dynamics", arguments, answers, ["qdd_base", "forces"])
+
+    @property
+    def forward_dynamics(self):
+        """qdd [n] by articulated bodies (q, qd, u)."""
+
+        def answer():
+            force = self._statics.actuation() @ self._u - self._still()
+            return articulated.accelerations(self.robot, self._q, self._qd, force)
+
+        return self._function("forward_dynamics", ("q", "qd", "u"), answer)
+
+    @property
+    def momentum(self):
+        """Angular momentum about the world's origin and linear momentum [6], world axes (q, qd)."""
+        return self._function("momentum", ("q", "qd"), lambda: composite.momentum(self.robot, self._kin, self._qd))
 
     @property
     def actuation(self):
@@ -187,7 +246,7 @@ class Functions:
         """Kinetic, elastic and gravitational energy [3] in J (q, qd)."""
 
         def energies():
-            kinetic = internal.kinetic_energy(self.robot, self._kin, self._qd)
+            kinetic = composite.kinetic_energy(self.robot, self._q, self._qd)
             gravitational = internal.gravitational_energy(self.robot, self._kin)
             return ca.vertcat(kinetic, self._statics.elastic_energy(), gravitational)
 

@@ -9,11 +9,9 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import se3
-from socontrol.mechanics import loads as load_family
 from socontrol.mechanics import recursions
 from socontrol.mechanics.loads import Field, PointLoad
 from socontrol.model.quadrature import gauss_legendre
-from socontrol.model.tree import Frame
 
 
 def carried_beyond(statics, piece, x):
@@ -99,26 +97,10 @@ def reaction(statics, segment):
     return -recursions.pulled(statics.kin.base(i), carried_beyond(statics, i, 0))
 
 
-def kinetic_energy(robot, kin, qd):
-    """sum eta^T M eta / 2 [J] over rods' slices and bodies, eta = J qd in the body frame."""
-    total = ca.DM(0)
-    for i, piece in enumerate(robot.tree.pieces):
-        if piece.is_rod:
-            masses = [(p.x, p.weight * piece.record.inertia_density(p)) for p in piece.slices]
-        elif piece.record.body is not None:
-            masses = [(1.0, piece.record.body.spatial_inertia())]
-        else:
-            masses = []
-        for x, M in masses:
-            eta = kin.jacobian(Frame(i, x, ca.DM.eye(4))) @ qd
-            total += ca.bilin(M, eta, eta) / 2
-    return total
-
-
 def gravitational_energy(robot, kin):
-    """-sum m g . r [J], zero with all mass at the world's origin."""
+    """-sum m g . r [J], less that of displaced water; zero with all mass at the world's origin."""
     total = ca.DM(0)
-    for load in load_family.gravity(robot.tree, robot.description.gravity):
+    for load in robot.weights:
         if isinstance(load, Field):
             total -= ca.dot(recursions.weighted_position(kin, load.piece, load), load.force)
         else:

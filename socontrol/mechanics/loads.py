@@ -13,6 +13,7 @@ import casadi as ca
 from socontrol.lie import se3
 from socontrol.quantities import (
     Bad,
+    Density,
     Forces,
     Fraction,
     Moments,
@@ -20,6 +21,7 @@ from socontrol.quantities import (
     NewtonPerMetre,
     OneOf,
     Triple,
+    Velocity,
     record,
 )
 
@@ -131,6 +133,21 @@ class Distributed:
         return loads
 
 
+@record(kw_only=True)
+class Fluid:
+    """Water around the whole robot: buoyancy, and by the segments' `fluid` coefficients drag, lift and added mass.
+
+    `velocity`: of the water, the same everywhere, world axes.
+    """
+
+    density: Density
+    velocity: Velocity = ZERO
+
+    def resolve(self, tree):
+        """No wrench of its own: weights and the motion through it know it as `Robot.water`."""
+        return []
+
+
 def _locate(tree, segment, X):
     try:
         return tree.locate(segment, X)
@@ -142,26 +159,32 @@ def is_zero(vector):
     return all(isinstance(v, (int, float)) and v == 0 for v in vector)
 
 
-def gravity(tree, acceleration):
-    """Weights of all rods and bodies under `acceleration` [3, m/s^2, world]."""
+def gravity(tree, acceleration, water=0):
+    """Weights of all rods and bodies under `acceleration` [3, m/s^2, world], less those of `water` [kg/m^3] displaced.
+
+    Buoyancy acts at the centre of mass of a slice or body (F. Renda, L. Seneviratne, ICRA 2018).
+    """
     if is_zero(acceleration):
         return []
     loads = []
     for i, piece in enumerate(tree.pieces):
         if piece.is_rod:
-            loads += _rod_weight(i, piece, acceleration)
-        elif piece.record.body is not None and not is_zero((piece.record.body.mass,)):
+            loads += _rod_weight(i, piece, acceleration, water)
+        elif piece.record.body is not None:
             body = piece.record.body
-            offset = se3.pose(ca.DM.eye(3), ca.vertcat(*body.com))
-            loads.append(PointLoad(i, 1.0, offset, [body.mass * a for a in acceleration], None, False))
+            mass = body.mass - (0 if is_zero((water,)) else water * body.displaced_volume)
+            if not is_zero((mass,)):
+                offset = se3.pose(ca.DM.eye(3), ca.vertcat(*body.com))
+                loads.append(PointLoad(i, 1.0, offset, [mass * a for a in acceleration], None, False))
     return loads
 
 
-def _rod_weight(i, piece, acceleration):
+def _rod_weight(i, piece, acceleration, water):
     masses, centres = [], []
     for p in piece.slices:
         M = piece.record.inertia_density(p)
-        masses.append(p.weight * M[3, 3])
+        heavy = M[3, 3] if is_zero((water,)) else M[3, 3] - water * piece.record.displaced(p)
+        masses.append(p.weight * heavy)
         centres.append(ca.vertcat(0, M[0, 5] / M[3, 3], -M[0, 4] / M[3, 3]))
     centred = all(c.is_constant() and float(ca.sumsqr(c)) == 0 for c in map(ca.SX, centres))
     if centred:
@@ -172,5 +195,5 @@ def _rod_weight(i, piece, acceleration):
     ]
 
 
-LOADS = {"wrench": Wrench, "distributed": Distributed}
+LOADS = {"wrench": Wrench, "distributed": Distributed, "fluid": Fluid}
 Load = Annotated[Any, OneOf(LOADS, what="load")]

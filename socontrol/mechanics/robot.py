@@ -12,7 +12,7 @@ import numpy as np
 from socontrol.lie import stumpff
 from socontrol.mechanics import loads as load_family
 from socontrol.mechanics.actuators import Actuator
-from socontrol.mechanics.loads import Load
+from socontrol.mechanics.loads import Fluid, Load
 from socontrol.model.joints import JOINTS
 from socontrol.model.rods import Rod
 from socontrol.model.tree import build
@@ -65,9 +65,22 @@ class Robot:
             raise Bad(f"segments.{bad.key}", str(bad)) from None
 
     @cached_property
+    def water(self):
+        """The Fluid load around the robot, or None."""
+        names = [name for name, load in (self.description.loads or {}).items() if isinstance(load, Fluid)]
+        if len(names) > 1:
+            raise Bad(f"loads.{names[1]}", f"the robot is in the fluid '{names[0]}' already; give one")
+        return self.description.loads[names[0]] if names else None
+
+    @cached_property
+    def weights(self):
+        """Weights of rods and bodies, less buoyancy, as point wrenches and force fields."""
+        return load_family.gravity(self.tree, self.description.gravity, self.water.density if self.water else 0)
+
+    @cached_property
     def loads(self):
-        """Point wrenches and force fields of gravity and of all loads."""
-        resolved = load_family.gravity(self.tree, self.description.gravity)
+        """Point wrenches and force fields of weight and of all loads."""
+        resolved = list(self.weights)
         for name, load in (self.description.loads or {}).items():
             resolved += _at(f"loads.{name}", load.resolve, self.tree)
         return resolved

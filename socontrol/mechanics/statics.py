@@ -8,7 +8,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from socontrol.mechanics import elasticity, recursions
+from socontrol.mechanics import elasticity, newton_euler, recursions
 from socontrol.mechanics.kinematics import Kinematics
 
 
@@ -36,8 +36,22 @@ class Statics:
     def elastic_energy(self):
         return sum((elasticity.energy(piece, self.q) for piece in self.robot.tree.pieces), ca.DM(0))
 
-    def external_force(self):
+    def weights_and_loads(self):
+        """Generalised force [n] of weight, buoyancy and loads."""
         return recursions.external_force(self.kin, *self.carried)
+
+    def external_force(self):
+        """`weights_and_loads`, and what moving water does to the robot at rest."""
+        return self.weights_and_loads() + self._flow if self.in_current else self.weights_and_loads()
+
+    @property
+    def in_current(self):
+        """Whether the robot stands in moving water."""
+        return self.robot.water is not None and newton_euler.moves(self.robot.water)
+
+    @cached_property
+    def _flow(self):
+        return newton_euler.water_force(self.robot, self.q, ca.DM(self.robot.n, 1))
 
     def actuation(self):
         """B(q) [n x m]."""
@@ -89,6 +103,8 @@ class Statics:
     def tangent(self):
         conservative = all(load.conservative for load in self.robot.loads)
         loads = recursions.external_tangent(self.kin, *self.carried, symmetric=conservative)
+        if self.in_current:
+            loads += ca.jacobian(self._flow, self.q)
         return self.stiffness() - loads - self.actuation_tangent()
 
     def _stack(self, of):

@@ -11,6 +11,7 @@ import casadi as ca
 
 from socontrol.lie import se3
 from socontrol.model.bodies import Body, Placement, numbers_in, refuse_indefinite
+from socontrol.model.fluids import BodyFluid
 from socontrol.quantities import (
     AxialDamping,
     AxialStiffness,
@@ -47,6 +48,7 @@ class Lumped:
     rest: Entries = 0.0
     limits: tuple | None = None
     body: Body | None = None
+    fluid: BodyFluid | None = None
     tip: Placement = Placement()
 
     def __post_init__(self):

@@ -1,14 +1,16 @@
 """Soft rods: strains, sections of constant strain, cross-section profile, material, rest shape."""
 
+from math import pi
 from typing import Annotated, Any, Literal
 
 import casadi as ca
 
 from socontrol.model.bases import STRAIN_SETS, STRAINS, XI_BAR, active_strains, selection
 from socontrol.model.bodies import Placement
+from socontrol.model.fluids import RodFluid
 from socontrol.model.materials import NEED_SHAPE, Material, inertia_density
 from socontrol.model.quadrature import gauss_legendre
-from socontrol.model.sections import General, Profile, is_uniform, section_at
+from socontrol.model.sections import General, Profile, breadth, is_uniform, section_at
 from socontrol.model.steps import Slice
 from socontrol.quantities import (
     Bad,
@@ -48,6 +50,7 @@ class Rod:
     sections: Sections = 1
     quadrature: Count = 8
     rest: dict[str, RestValues] | None = None
+    fluid: RodFluid = RodFluid()
 
     def __post_init__(self):
         try:
@@ -118,6 +121,15 @@ class Rod:
 
     def inertia_density(self, piece_slice):
         return inertia_density(self.material, piece_slice.section)
+
+    def displaced(self, piece_slice):
+        """Area [m^2] of water that a slice displaces: that of its material, so that lumens are flooded."""
+        section = piece_slice.section
+        return pi * section.radius**2 if isinstance(section, General) else section.moments().A
+
+    def fluid_density(self, piece_slice, water):
+        """Drag and added-mass coefficients per length in water of this density; see `RodFluid.density`."""
+        return self.fluid.density(breadth(piece_slice.section), self.displaced(piece_slice), water)
 
     def is_uniform(self):
         return is_uniform(self.cross_section)

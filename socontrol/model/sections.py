@@ -195,7 +195,7 @@ class General:
 
     stiffness: tuple[Number, Number, Number, Number, Number, Number]
     inertia: tuple[Number, Number, Number, Number, Number, Number]
-    radius: Length = 0.005  # drawn, nothing else
+    radius: Length = 0.005  # drawn, and what water sees
 
     def __post_init__(self):
         for key in ("stiffness", "inertia"):
@@ -280,6 +280,15 @@ def _between(a, b, X):
 
 
 Profile = Annotated[Any, Either(Section, Taper, SectionTable)]
+
+
+def breadth(section):
+    """Radius [m] by which water sees a section: its own, or that of the circle of the same outline's area."""
+    if isinstance(section, Rectangle):
+        return ca.sqrt(section.width * section.height / pi)
+    if isinstance(section, Ellipse):
+        return ca.sqrt(section.radius_y * section.radius_z)
+    return section.radius
 
 
 def is_uniform(profile):

@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from socontrol.lie import arcs, stumpff
+from socontrol.lie import arcs, se3, stumpff
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,35 @@ class Piece:
 
     def step(self, q, x=1.0):
         """g [4 x 4] and S [6 x n] from the base to x, both seen from the base."""
-        if x == 0 or (self.size == 0 and not self.is_rod):
+        if x == 0:
             return ca.DM.eye(4), ca.DM(6, self.size)
+        if not self.is_rod:
+            return self.joint_step(q[self.columns])
         s, xi = x * self.length, self.strain(q)
-        if self.is_screw:
-            return arcs.exp_and_tangent(s * xi, self.coefficients())[0], self.Phi
         g, T = arcs.exp_and_tangent(s * xi, self.coefficients())
         return g, s * (T @ self.Phi)
+
+    def joint_step(self, own):
+        """g [4 x 4] and S [6 x n_i] of a whole joint, from its own coordinates [n_i]."""
+        if self.size == 0:
+            return ca.DM.eye(4), ca.DM(6, 0)
+        if self.is_screw:
+            return se3.screw_motion(self.Phi, own), self.Phi
+        g, T = arcs.exp_and_tangent(self.Phi @ own, self.coefficients())
+        return g, T @ self.Phi
+
+    def twist_rate(self, own, rate):
+        """dS/dt rate [6] of a whole joint, with its own coordinates and their rates [n_i]."""
+        if self.is_screw:
+            return ca.DM(6, 1)
+        return arcs.tangent_rate(self.Phi @ own, self.Phi @ rate, self.coefficients())
+
+    def twists_rate(self, q, qd, x):
+        """dS/dt [6 x n_i] at x, for all coordinates q and their rates [n]."""
+        if x == 0 or self.is_screw:
+            return ca.DM(6, self.size)
+        s, rate = x * self.length, self.Phi @ qd[self.columns]
+        return s * (arcs.tangent_slope(s * self.strain(q), s * rate, self.coefficients()) @ self.Phi)
 
     def wrench_gradient(self, q, x, F):
         """d(S(x)^T F)/dq [n x n] for a wrench F [6] that stays fixed in the base frame."""

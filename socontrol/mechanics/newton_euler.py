@@ -1,0 +1,68 @@
+"""Recursive Newton-Euler: generalised forces from motion, in time and expression size linear in the pieces.
+
+One sweep base to tip moves the pieces (`motion`), one sweep tip to base adds what their masses and the water ask for:
+    F_i = own wrench + sum coAd(g) F_child,     Q_i = own work + sum S^T coAd(g) F_child.
+Source: F. Renda, L. Seneviratne, ICRA 2018; R. Featherstone, "Rigid Body Dynamics Algorithms", 2008, ch. 5.
+"""
+
+import casadi as ca
+
+from socontrol.lie import se3
+from socontrol.mechanics.motion import PARTS, Sweep, is_identity, shielded
+
+
+def inertial_force(robot, q, qd, qdd, parts=PARTS, current=True):
+    """M qdd + C qd [n], less the forces of the water (drag, lift) among `parts`."""
+    return project(Sweep(robot, q, qd, qdd, parts=parts, current=current))
+
+
+def water_force(robot, q, qd):
+    """Generalised force [n] of drag and lift, and of the added mass in as much as the water moves."""
+    if robot.water is None:
+        return ca.DM(robot.n, 1)
+    force = -inertial_force(robot, q, qd, None, parts=frozenset({"drag"}))
+    if moves(robot.water):
+        added = frozenset({"added"})
+        force += inertial_force(robot, q, qd, None, parts=added, current=False)
+        force -= inertial_force(robot, q, qd, None, parts=added)
+    return force
+
+
+def moves(water):
+    """Whether the water has a velocity that is not plainly zero."""
+    return not all(isinstance(v, (int, float)) and v == 0 for v in water.velocity)
+
+
+def project(sweep):
+    """Generalised forces [n] of the wrenches of a sweep, gathered tip to base."""
+    tree = sweep.tree
+    hanging = [{} for _ in tree.pieces]  # x: wrench of what stands there, in the frame at x
+    forces = [None] * len(tree.pieces)
+    for i in reversed(range(len(tree.pieces))):
+        piece, moved = tree.pieces[i], sweep.moved[i]
+        F, Q = moved.wrench, moved.work
+        for x, carried in hanging[i].items():
+            pose, S, _ = moved.at[x]
+            F, Q = shielded(_add)(F, Q, carried, pose, S)
+        forces[i] = Q
+        if piece.parent is not None:
+            F = F if is_identity(piece.placement) else shielded(se3_coAd(piece.placement))(F)
+            there = hanging[piece.parent]
+            there[piece.place] = there[piece.place] + F if piece.place in there else F
+    return ca.vertcat(*forces)
+
+
+def _add(F, Q, carried, pose, S):
+    at_base = turned(pose, carried)
+    return F + at_base, Q + S.T @ at_base
+
+
+def turned(pose, F):
+    """coAd(pose) F: the wrench F [6] of the frame `pose`, seen from the frame it is given in."""
+    R, r = se3.rotation(pose), se3.position(pose)
+    force = R @ F[3:]
+    return ca.vertcat(R @ F[:3] + ca.cross(r, force), force)
+
+
+def se3_coAd(pose):
+    return lambda F: turned(pose, F)
