@@ -46,6 +46,7 @@ class Family(StrEnum):
     actuators = "actuators"
     goals = "goals"
     costs = "costs"
+    histories = "histories"
     solvers = "solvers"
     problems = "problems"
 

@@ -9,8 +9,7 @@ from socontrol.files.robot_file import robot_of
 from socontrol.files.yaml_reader import FileError, UnreadableFile, read_yaml
 from socontrol.mechanics.robot import Description
 from socontrol.programs.question import Question
-from socontrol.programs.questions import QUESTIONS
-from socontrol.programs.solver import SOLVERS, Ipopt
+from socontrol.programs.questions import QUESTIONS, SOLVERS
 
 
 def check_all(files, overrides=()):
@@ -50,7 +49,7 @@ def kind_of(data):
         return "problem"
     if isinstance(kind, str) and kind in SOLVERS:
         return "solver"
-    records = {"robot": [Description], "problem": [Question, *QUESTIONS.values()], "solver": [Ipopt]}
+    records = {"robot": [Description], "problem": [Question, *QUESTIONS.values()], "solver": list(SOLVERS.values())}
     shared = {
         name: len(set(data) & {field.name for cls in classes for field in fields(cls)})
         for name, classes in records.items()

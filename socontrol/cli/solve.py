@@ -8,7 +8,7 @@ from socontrol.cli.console import console, progress
 from socontrol.cli.errors import INTERRUPTED, REJECTED, USAGE, interrupted, say, told, unexpected
 from socontrol.cli.interrupts import Interrupts
 from socontrol.files.expectations import compare
-from socontrol.files.problem_file import question_of, read_problem, solve, with_solver
+from socontrol.files.problem_file import keeping_log, question_of, read_problem, solve
 from socontrol.files.result_file import json_of, refuse_foreign, save
 from socontrol.files.yaml_reader import FileError, UnreadableFile
 from socontrol.programs.result import Result, Status
@@ -73,7 +73,7 @@ def _solved(path, settings, interrupts):
     folder = settings.output / path.stem
     refuse_foreign(folder)
     with progress(path.stem, interrupts.check, not settings.quiet) as show:
-        result = _answer(with_solver(question, keep_log=True), document, show)
+        result = _answer(keeping_log(question), document, show)
     comparisons = compare(document, result)
     wanted = settings.figures and result.status.exit_code != INTERRUPTED  # who stops wants to wait no longer
     trouble = save(result, document, folder, comparisons, _draw if wanted else None)

@@ -18,14 +18,12 @@ from socontrol.files.loader import (
 )
 from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
-from socontrol.programs.questions import QUESTIONS
+from socontrol.programs.questions import QUESTIONS, SOLVERS, Solver
 from socontrol.programs.singular import unheld
-from socontrol.programs.solver import Ipopt, Solver
 from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad, fields_of, joined, nearest, show
 
 LATER = {  # problem types of the file format that this version does not answer
-    "simulation": "the robot's motion in time",
     "trajectory": "planned motions",
     "tensions": "optimised tendon tensions",
 }
@@ -66,7 +64,8 @@ def _opened(document, text):
     """The document with what an override reaches into; FileError where it means a key of the robot."""
     head = text.split(".")[0].split("=")[0].strip()
     if head == "solver" and "solver" not in document.data:
-        return replace(document, data={**document.data, "solver": {"type": "ipopt"}})
+        kind = QUESTIONS.get(document.data.get("type"), QUESTIONS["statics"])
+        return replace(document, data={**document.data, "solver": {"type": next(iter(kind.solvers))}})
     robot = document.data.get("robot")
     if head not in document.data and isinstance(robot, dict) and head in robot:
         raise FileError(f"'{head}' is a key of the robot; write robot.{text.strip()}", file="--set")
@@ -94,7 +93,7 @@ def question_of(document):
     errors = [document.error((key,), unknown_key(key, cls, data)) for key in filled if key not in fields_of(cls)]
     for key, read in (("robot", _robot), ("solver", _solver)):
         try:
-            filled[key] = read(document)
+            filled[key] = read(document, cls)
         except FileError as error:
             errors.append(error)
     if errors:
@@ -130,7 +129,7 @@ def _kind(document):
     return QUESTIONS[kind]
 
 
-def _robot(document):
+def _robot(document, cls):
     if "robot" not in document.data:
         example = "a path such as ../configs/robots/stiff_flop.yaml, or a mapping"
         raise document.error(("robot",), f"missing key 'robot' ({example})")
@@ -142,13 +141,19 @@ def _robot(document):
     return robot_of(document, ("robot",))
 
 
-def _solver(document):
+def _solver(document, cls):
     given = document.data.get("solver")
-    if given is None or isinstance(given, Ipopt):
-        return given or Ipopt()
-    if not isinstance(given, dict):
+    if given is None:
+        return cls.solver
+    if not isinstance(given, (dict, *SOLVERS.values())):
         raise document.error(("solver",), f"{show(given)} is given; a path or a mapping is wanted")
-    return solver_of(document, ("solver",))
+    solver = solver_of(document, ("solver",)) if isinstance(given, dict) else given
+    if not isinstance(solver, tuple(cls.solvers.values())):
+        name = next(name for name, kind in SOLVERS.items() if isinstance(solver, kind))
+        kind = next(name for name, question in QUESTIONS.items() if question is cls)
+        wanted = f"'{name}' does not solve problems of type '{kind}'; {joined(cls.solvers)} does"
+        raise document.error(("solver", "type") if isinstance(given, dict) else ("solver",), wanted)
+    return solver
 
 
 def solver_of(document, path=()):
@@ -191,9 +196,11 @@ def _near(path):
         return ""
 
 
-def with_solver(question, **changes):
-    """The question with some solver settings changed."""
-    return replace(question, solver=replace(question.solver, **changes))
+def keeping_log(question):
+    """The question with its solver's own log kept, where that has one."""
+    if not hasattr(question.solver, "keep_log"):
+        return question
+    return replace(question, solver=replace(question.solver, keep_log=True))
 
 
 __all__ = ["FileError", "load_problem", "load_solver", "problem"]

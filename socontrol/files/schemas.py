@@ -8,9 +8,8 @@ from socontrol.files.expectations import ExpectedOutcome
 from socontrol.files.loader import json_schema
 from socontrol.mechanics.robot import Description
 from socontrol.programs.question import Expectation
-from socontrol.programs.questions import QUESTIONS
+from socontrol.programs.questions import QUESTIONS, Solver
 from socontrol.programs.result import OUTCOMES
-from socontrol.programs.solver import Solver
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 SHORT = 60  # characters of a part not worth a name

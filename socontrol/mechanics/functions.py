@@ -203,6 +203,45 @@ class Functions:
         return self._function("forward_dynamics", ("q", "qd", "u"), answer)
 
     @property
+    def motion_residual(self):
+        """inverse_dynamics - B u [n]: what is missing for motion under inputs u (q, qd, qdd, u)."""
+
+        def missing():
+            inertial = newton_euler.inertial_force(self.robot, self._q, self._qd, self._qdd)
+            return inertial + self._still() - self._statics.actuation() @ self._u
+
+        return self._function("motion_residual", ("q", "qd", "qdd", "u"), missing)
+
+    @property
+    def motion_tangents(self):
+        """Derivatives of `motion_residual` in qdd, exact: M, and near rest in q and in qd [n x n each] (q, qd, u).
+
+        Terms that are quadratic in the rates count for the water only; they are small over a step of an integrator.
+        """
+
+        def tangents():
+            s, damping = self._statics, self._statics.damping()
+            if self.robot.water is not None:
+                damping = damping - ca.jacobian(newton_euler.water_force(self.robot, self._q, self._qd), self._qd)
+            return [composite.mass(self.robot, self._kin), s.tangent(), damping]
+
+        return self._function("motion_tangents", ("q", "qd", "u"), tangents, ["mass", "stiffness", "damping"])
+
+    @property
+    def power(self):
+        """Power [4, W] of inputs, loads, damping and water, and the wrench [6] on the whole robot about the world's
+        origin of weight, loads and water (q, qd, u)."""
+
+        def powers():
+            s, qd = self._statics, self._qd
+            water = newton_euler.water_force(self.robot, self._q, qd)
+            forces = (s.actuation() @ self._u, s.applied_force(), -s.damping() @ qd, water)
+            wrench = s.carried_wrench() + newton_euler.water_wrench(self.robot, self._q, qd)
+            return [ca.vertcat(*(ca.dot(force, qd) for force in forces)), wrench]
+
+        return self._function("power", ("q", "qd", "u"), powers, ["power", "wrench"])
+
+    @property
     def momentum(self):
         """Angular momentum about the world's origin and linear momentum [6], world axes (q, qd)."""
         return self._function("momentum", ("q", "qd"), lambda: composite.momentum(self.robot, self._kin, self._qd))

@@ -18,14 +18,23 @@ def inertial_force(robot, q, qd, qdd, parts=PARTS, current=True):
 
 def water_force(robot, q, qd):
     """Generalised force [n] of drag and lift, and of the added mass in as much as the water moves."""
+    return _of_water(robot, q, qd, project, ca.DM(robot.n, 1))
+
+
+def water_wrench(robot, q, qd):
+    """Wrench [6] of the same about the world's origin, on the whole robot."""
+    return _of_water(robot, q, qd, total, ca.DM(6, 1))
+
+
+def _of_water(robot, q, qd, gathered, nothing):
     if robot.water is None:
-        return ca.DM(robot.n, 1)
-    force = -inertial_force(robot, q, qd, None, parts=frozenset({"drag"}))
-    if moves(robot.water):
-        added = frozenset({"added"})
-        force += inertial_force(robot, q, qd, None, parts=added, current=False)
-        force -= inertial_force(robot, q, qd, None, parts=added)
-    return force
+        return nothing
+
+    def asked(part, current=True):
+        return gathered(Sweep(robot, q, qd, parts=frozenset({part}), current=current))
+
+    force = -asked("drag")
+    return force + asked("added", current=False) - asked("added") if moves(robot.water) else force
 
 
 def moves(water):
@@ -35,7 +44,18 @@ def moves(water):
 
 def project(sweep):
     """Generalised forces [n] of the wrenches of a sweep, gathered tip to base."""
-    tree = sweep.tree
+    return ca.vertcat(*_gathered(sweep)[0])
+
+
+def total(sweep):
+    """Wrench [6] about the world's origin of a whole sweep."""
+    roots = _gathered(sweep)[1]
+    return sum(roots, ca.DM(6, 1))
+
+
+def _gathered(sweep):
+    """Generalised force of each piece, and what each root asks of the world, seen from there."""
+    tree, roots = sweep.tree, []
     hanging = [{} for _ in tree.pieces]  # x: wrench of what stands there, in the frame at x
     forces = [None] * len(tree.pieces)
     for i in reversed(range(len(tree.pieces))):
@@ -45,11 +65,13 @@ def project(sweep):
             pose, S, _ = moved.at[x]
             F, Q = shielded(_add)(F, Q, carried, pose, S)
         forces[i] = Q
-        if piece.parent is not None:
-            F = F if is_identity(piece.placement) else shielded(se3_coAd(piece.placement))(F)
+        F = F if is_identity(piece.placement) else shielded(_placed(piece.placement))(F)
+        if piece.parent is None:
+            roots.append(F)
+        else:
             there = hanging[piece.parent]
             there[piece.place] = there[piece.place] + F if piece.place in there else F
-    return ca.vertcat(*forces)
+    return forces, roots
 
 
 def _add(F, Q, carried, pose, S):
@@ -64,5 +86,5 @@ def turned(pose, F):
     return ca.vertcat(R @ F[:3] + ca.cross(r, force), force)
 
 
-def se3_coAd(pose):
+def _placed(pose):
     return lambda F: turned(pose, F)

@@ -64,6 +64,16 @@ def field_wrench(kin, i, field):
     return F, dead(position, field.force, field.weight)
 
 
+def total(kin, places, fields):
+    """Wrench [6] about the world's origin of all that is `carried` by the roots."""
+    F = ca.DM(6, 1)
+    for i, piece in enumerate(kin.tree.pieces):
+        if piece.parent is None:
+            F += sum((here.F for here in places[i].values()), ca.DM(6, 1))
+            F += sum((field_wrench(kin, i, field)[0] for field in fields[i]), ca.DM(6, 1))
+    return F
+
+
 def external_force(kin, places, fields):
     """Generalised force Q [n] of what is `carried`."""
     return ca.vertcat(*(_own_force(kin, i, places[i], fields[i]) for i in range(len(places))))

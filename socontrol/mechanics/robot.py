@@ -78,12 +78,17 @@ class Robot:
         return load_family.gravity(self.tree, self.description.gravity, self.water.density if self.water else 0)
 
     @cached_property
-    def loads(self):
-        """Point wrenches and force fields of weight and of all loads."""
-        resolved = list(self.weights)
+    def applied(self):
+        """Point wrenches and force fields of all loads."""
+        resolved = []
         for name, load in (self.description.loads or {}).items():
             resolved += _at(f"loads.{name}", load.resolve, self.tree)
         return resolved
+
+    @cached_property
+    def loads(self):
+        """Weights and all loads."""
+        return [*self.weights, *self.applied]
 
     @cached_property
     def lines(self):

@@ -40,6 +40,14 @@ class Statics:
         """Generalised force [n] of weight, buoyancy and loads."""
         return recursions.external_force(self.kin, *self.carried)
 
+    def applied_force(self):
+        """Generalised force [n] of loads alone."""
+        return recursions.external_force(self.kin, *recursions.carried(self.kin, self.robot.applied))
+
+    def carried_wrench(self):
+        """Wrench [6] of weight, buoyancy and loads on the whole robot, about the world's origin."""
+        return recursions.total(self.kin, *self.carried)
+
     def external_force(self):
         """`weights_and_loads`, and what moving water does to the robot at rest."""
         return self.weights_and_loads() + self._flow if self.in_current else self.weights_and_loads()

@@ -8,7 +8,7 @@ import numpy as np
 from socontrol.mechanics.loads import Load
 from socontrol.mechanics.robot import Robot
 from socontrol.model.bases import STRAINS
-from socontrol.programs.solver import Ipopt
+from socontrol.programs.solver import SOLVERS, Ipopt
 from socontrol.quantities import Bad, Flag, Number, PositiveNumber, Unit, nearest, record
 
 Raw = Annotated[Any, "a number in SI, or text with a unit"]
@@ -69,19 +69,28 @@ class Question:
     discretisation: Flag = True
     expect: dict[str, Any] | None = None
     schema_version: Literal[1] = 1
+    solvers = SOLVERS  # those that answer this type
     optimises = False  # whether strain bounds apply: forward statics goes where the loads take it
 
     def __post_init__(self):
         if not isinstance(self.robot, Robot):
             raise Bad("robot", "a path of a robot file or a mapping that describes one is wanted")
         self.loaded.check()
+        self.input_limits()
+        self.coordinate_limits()
+        self.read_given()
+        if over := self.robot.overstrained(self.first_coordinates()):
+            raise Bad("coordinates", f"section {over[0]} would turn too far; a section holds for up to 2 pi")
+
+    def read_given(self):
+        """Raise Bad unless the names and units of given values and of the guess fit the robot."""
         for key in ("inputs", "coordinates"):
             self.named(key, getattr(self, key))
             self.named(key, getattr(self.guess, key), f"guess.{key}")
-        self.input_limits()
-        self.coordinate_limits()
-        if over := self.robot.overstrained(self.vector("coordinates", self.coordinates)):
-            raise Bad("coordinates", f"section {over[0]} would turn too far; a section holds for up to 2 pi")
+
+    def first_coordinates(self):
+        """Given coordinates [n], 0 where none is given."""
+        return self.vector("coordinates", self.coordinates)
 
     @cached_property
     def loaded(self):

@@ -6,13 +6,13 @@ import tempfile
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
 from socontrol.programs.result import Status
-from socontrol.quantities import Bad, Count, Flag, Integer, OneOf, PositiveNumber, Second, record, show
+from socontrol.quantities import Bad, Count, Flag, Integer, PositiveNumber, Second, record, show
 
 
 @record(kw_only=True)
@@ -76,7 +76,6 @@ def _refusal(name, value):
 
 
 SOLVERS = {"ipopt": Ipopt}
-Solver = Annotated[Any, OneOf(SOLVERS, what="solver")]
 
 SENTENCES = {  # Ipopt's return status: (outcome, sentence)
     "Solve_Succeeded": ("solved", "Solved."),

@@ -1,0 +1,66 @@
+"""SUNDIALS' CVODES, through CasADi, on the explicit form qdd = M^-1 (B u - rest): variable order, the second opinion."""
+
+import time
+
+import casadi as ca
+import numpy as np
+
+from socontrol.programs.integrators import WORKS, March, Stop, legs
+from socontrol.programs.solver import captured
+
+
+class CvodesMarch:
+    """Marches like `integrators.Marcher`; the integrator itself starts anew where a history jumps or a chart ends."""
+
+    def __init__(self, plant, settings, times, charts):
+        self.plant, self.settings, self.times, self.charts = plant, settings, times, charts
+        self.march, self._built = March(), {}
+        self._rates = plant.explicit()
+
+    def run(self, q, qd, progress=None):
+        """March; what stops it, Ctrl-C included, is in its status and keeps what was recorded."""
+        show, free, march = progress or (lambda done, total, sentence: None), self.plant.free, self.march
+        q, qd, work, t = q.copy(), qd.copy(), np.zeros(WORKS), 0.0
+        self.plant.place(0.0, q, qd)
+        march.keep(0.0, q, qd, work)
+        began = time.perf_counter()
+        with march.guarded():
+            for stop in legs(self.plant, self.times, every=bool(self.charts)):
+                show(t, self.times[-1], f"t = {t:.3g} of {self.times[-1]:g} s")
+                if time.perf_counter() - began > self.settings.max_seconds:
+                    raise Stop("limit", f"The clock stopped at t = {t:.6g} s; raise `max_seconds`.")
+                wanted = [x for x in self.times if t < x <= stop]
+                marks = np.array(sorted({*wanted, stop}))
+                states, works = self._leg(t, marks, np.concatenate([q[free], qd[free]]))
+                for k, mark in enumerate(marks):
+                    q[free], qd[free] = np.split(states[:, k], 2)
+                    self.plant.place(mark, q, qd)
+                    if mark in wanted:
+                        march.keep(mark, q, qd, work + works[:, k])
+                work, t = work + works[:, -1], stop
+                self.charts.renewed(q, qd)
+        return march
+
+    def _leg(self, start, marks, state):
+        """States and works at the marks after `start`."""
+        span = marks[-1] - start
+        grid = tuple(np.round((marks - start) / span, 12))
+        if grid not in self._built:
+            options = {"reltol": self.settings.tolerance, "abstol": 1e-3 * self.settings.tolerance,
+                       "max_num_steps": self.settings.max_steps, "quad_err_con": False}  # fmt: skip
+            self._built[grid] = ca.integrator("motion", "cvodes", self._rates, 0.0, list(grid), options)
+        integrator = self._built[grid]
+        try:
+            with captured():
+                answer = integrator(x0=state, p=[start, span])
+        except KeyboardInterrupt:
+            raise
+        except Exception as error:
+            if "KeyboardInterrupt" in str(error):
+                raise KeyboardInterrupt from None
+            limit = "TOO_MUCH_WORK" in str(error)
+            fix = "raise `max_steps`" if limit else "look at loads and inputs there, or use the integrator `radau`"
+            outcome = "limit" if limit else "numerical"
+            raise Stop(outcome, f"SUNDIALS gave up between t = {start:.6g} and {marks[-1]:.6g} s; {fix}.") from None
+        self.march.steps += int(integrator.stats().get("nsteps", 0))
+        return np.array(answer["xf"]), np.array(answer["qf"])

@@ -1,0 +1,285 @@
+"""Integrators of the equation of motion: their settings, and the march through time that they share.
+
+`radau` (default) chooses its steps by an error estimate and damps what is too fast to resolve; `gauss` takes equal
+steps and keeps the energy of undamped robots; `cvodes` is SUNDIALS through CasADi on the explicit form.
+"""
+
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+
+from socontrol.lie import stumpff
+from socontrol.programs.charts import Charts
+from socontrol.programs.collocation import Steps
+from socontrol.programs.result import Status
+from socontrol.programs.signals import breaks
+from socontrol.quantities import Count, PositiveNumber, Second, Unit, record
+
+Duration = Annotated[float, Unit("s", lower=0, exclusive=True)]
+SHORTEST = 1e-12  # of the whole time: shorter steps do not move the clock
+SLOWEST = 1e-9  # robot lengths a second: smaller speeds count as rest
+WORKS = 11  # columns of recorded work: see `Plant.power`, and the motors
+SAFETY, SHRINK, GROW = 0.9, 0.2, 4.0
+GOOD = 0.02  # contraction below which the tangents of an earlier step still serve
+
+
+@record(kw_only=True)
+class _Limits:
+    """max_steps, max_seconds (of the clock on the wall): where to give up."""
+
+    max_steps: Count = 200_000
+    max_seconds: Second = 3600.0
+
+
+@record(kw_only=True)
+class Radau(_Limits):
+    """Radau IIA of order 5. `tolerance`: of the largest speed, per step; steps between `first_step` and
+    `longest_step` (default: an output interval, the whole time)."""
+
+    tolerance: PositiveNumber = 1e-5
+    first_step: Duration | None = None
+    longest_step: Duration | None = None
+
+
+@record(kw_only=True)
+class Gauss(_Limits):
+    """Gauss collocation with `stages` nodes (order 2 stages) and equal steps of at most `step`."""
+
+    step: Duration
+    stages: Count = 3
+    tolerance: PositiveNumber = 1e-12
+
+
+@record(kw_only=True)
+class Cvodes(_Limits):
+    """SUNDIALS' variable-order BDF on qdd = M^-1 (...), relative and absolute tolerance of scaled coordinates."""
+
+    tolerance: PositiveNumber = 1e-8
+
+
+@dataclass
+class March:
+    """What a march has recorded: at each output t [k], q, qd [k x n each] and work [k x 10] (integrals of
+    `Plant.power`; 4 works, an impulse of 6) and driven work [k]; steps taken, refused, iterations; status."""
+
+    t: list = field(default_factory=list)
+    q: list = field(default_factory=list)
+    qd: list = field(default_factory=list)
+    work: list = field(default_factory=list)
+    steps: int = 0
+    refused: int = 0
+    iterations: int = 0
+    status: Status = Status("solved", "Solved.")
+
+    @contextmanager
+    def guarded(self):
+        """While marching: what stops it, Ctrl-C included, becomes the status."""
+        try:
+            yield
+        except Stop as stop:
+            self.status = stop.status
+        except KeyboardInterrupt:
+            reached = self.t[-1] if self.t else 0.0
+            self.status = Status("interrupted", f"Stopped by the user at t = {reached:.6g} s; what was computed is kept.")
+
+    def keep(self, t, q, qd, work):
+        self.t.append(float(t))
+        self.q.append(q.copy())
+        self.qd.append(qd.copy())
+        self.work.append(work.copy())
+
+
+class Stop(Exception):
+    """The march cannot go on; `status` says why."""
+
+    def __init__(self, outcome, message):
+        super().__init__(message)
+        self.status = Status(outcome, message)
+
+
+class Marcher:
+    """One plant on its way from rest or motion at t = 0 through the requested `times`."""
+
+    def __init__(self, plant, settings, times, weights, length):
+        self.plant, self.settings, self.times, self.length = plant, settings, times, length
+        fixed = isinstance(settings, Gauss)
+        self.fixed, scheme = fixed, "legendre" if fixed else "radau"
+        self.steps = Steps(plant, scheme, settings.stages if fixed else 3, weights, settings.tolerance)
+        self.charts, self.march = Charts(plant.robot), March()
+        self.free, self.weights = plant.free, weights[plant.free]
+        self._turns = _turns(plant.robot)
+
+    def run(self, q, qd, progress=None):
+        """March; what stops it, Ctrl-C included, is in its status and keeps what was recorded."""
+        march, self._progress = self.march, progress or (lambda done, total, sentence: None)
+        self.q, self.qd, self.t = q.copy(), qd.copy(), 0.0
+        self.work, self.began = np.zeros(WORKS), time.perf_counter()
+        self.plant.place(0.0, self.q, self.qd)
+        march.keep(0.0, self.q, self.qd, self.work)
+        with march.guarded():
+            for leg in legs(self.plant, self.times):
+                self._leg(leg)
+        return march
+
+    def _leg(self, stop):
+        """March to `stop`, in between which no history jumps."""
+        self._last, self.speed = None, max(self._speed(self.qd[self.free]), SLOWEST * self.length)
+        self._acceleration = self._begin()
+        h, outputs = self._first(stop), [t for t in self.times if self.t < t <= stop]
+        while self.t < stop:
+            if self.fixed:
+                target = outputs[0] if outputs else stop
+                count = max(1, int(np.ceil((target - self.t) / self.settings.step * (1 - 1e-9))))
+                h = (target - self.t) / count
+            else:
+                h = min(h, self.settings.longest_step or np.inf)
+                left = stop - self.t
+                h = left if h >= left * (1 - 1e-9) else min(h, left / 2) if h > left / 2 else h
+            h, follow = self._step(h)
+            end = stop if abs(stop - self.t - h) <= 1e-12 * stop else self.t + h
+            while outputs and outputs[0] <= end * (1 + 1e-14):
+                self._output(outputs.pop(0), h)
+            self._accept(end)
+            h = follow
+
+    def _begin(self):
+        try:
+            return self.plant.acceleration(self.t, self.q, self.qd)[self.free]
+        except np.linalg.LinAlgError:
+            raise Stop("numerical", f"At t = {self.t:.6g} s the mass matrix is singular.") from None
+
+    def _first(self, stop):
+        """Length of the first step of a leg."""
+        settings = self.settings
+        if getattr(settings, "first_step", None):
+            return settings.first_step
+        fall = self.weights * np.abs(self._acceleration)
+        shortest = 0.01 * min(stop, self.times[1] if len(self.times) > 1 else stop)
+        reach = float(np.max(fall, initial=0.0))
+        return min(shortest, (1e-3 * self.length / reach) ** 0.5 if reach > 0 else shortest)
+
+    def _step(self, h):
+        """(length, length of the next) of a step that is good enough; it is left in `self._last`."""
+        steps, march, settings = self.steps, self.march, self.settings
+        q, v, fresh = self.q[self.free], self.qd[self.free], False
+        if steps._matrices is None or self._last is None or self._last.contraction > GOOD:
+            steps.refresh(self.t, self.q, self.qd)
+            fresh = True
+        while True:
+            self._look_up(h)
+            guess = np.tile(self._acceleration, (steps.table.c.size, 1))
+            if self._last is not None:
+                guess = steps.extrapolated(self._last, h)
+            step = steps.take(self.t, q, v, h, guess, self.speed)
+            if step is None:
+                march.refused += 1
+                if fresh:
+                    h = self._shorter(h, 0.3)
+                else:
+                    steps.refresh(self.t, self.q, self.qd)
+                    fresh = True
+                continue
+            march.iterations += step.iterations
+            error = 0.0 if self.fixed else self._error(step, v)
+            if error <= 1.0:
+                break
+            march.refused += 1
+            h = self._shorter(h, max(SHRINK, SAFETY * error**-0.25))
+        march.steps += 1
+        self._before, self._last = (q, v), step
+        factor = min(GROW, SAFETY * max(error, 1e-8) ** -0.25)
+        return h, h if 1.0 <= factor < 1.2 else h * factor
+
+    def _error(self, step, v):
+        """Estimated error of a step over what is allowed."""
+        eq, ev = self.steps.error(step, v, self._acceleration)
+        fast = max(self.speed, float(np.max(np.abs(step.v) * self.weights, initial=0.0)))
+        of_v = np.max(np.abs(ev) * self.weights, initial=0.0) / fast
+        of_q = np.max(np.abs(eq) * self.weights, initial=0.0) / self.length
+        error = float(max(of_v, of_q)) / self.settings.tolerance
+        return error if np.isfinite(error) else 1e9
+
+    def _shorter(self, h, factor):
+        if self.fixed:
+            raise Stop("numerical", f"At t = {self.t:.6g} s a step of {h:.3g} s does not converge; lower `step`.")
+        if h * factor < SHORTEST * self.times[-1]:
+            worst = self.plant.robot.coordinates[self.free[int(np.argmax(np.abs(self._acceleration) * self.weights))]]
+            sentence = f"At t = {self.t:.6g} s steps of {h:.1g} s are still too long: {worst} runs away."
+            raise Stop("numerical", f"{sentence} Look at loads and inputs there, or at rods that collapse.")
+        return h * factor
+
+    def _look_up(self, h):
+        """Progress, and the limits that a user can raise."""
+        total = self.times[-1]
+        self._progress(min(self.t, total), total, f"t = {self.t:.3g} of {total:g} s")
+        if self.march.steps >= self.settings.max_steps:
+            raise Stop("limit", f"{self.march.steps} steps reached t = {self.t:.6g} s; raise `max_steps`.")
+        seconds = time.perf_counter() - self.began
+        if seconds > self.settings.max_seconds:
+            raise Stop("limit", f"{seconds:.0f} s on the wall reached t = {self.t:.6g} s; raise `max_seconds`.")
+
+    def _output(self, t, h):
+        step, (q0, v0) = self._last, self._before
+        x = (t - self.t) / h
+        q, qd = self.q.copy(), self.qd.copy()
+        q[self.free], qd[self.free] = self.steps.end(step, v0, q0, x)
+        self.plant.place(t, q, qd)
+        self.march.keep(t, q, qd, self.work + self._worked(step, x))
+
+    def _worked(self, step, x):
+        """Integrals of power [11] from the beginning of a step to its fraction x."""
+        if getattr(step, "power", None) is None:
+            step.power = np.array([self._power(step, i) for i in range(self.steps.table.c.size)])
+        return step.h * (self.steps.table.weights(x) @ step.power)
+
+    def _power(self, step, i):
+        t = self.t + step.h * self.steps.table.c[i]
+        r = self.steps.node(t, step.q[i], step.v[i], step.a[i])
+        driven = self.plant.driven
+        motors = float(r[driven] @ self.steps._v[driven]) if driven.size else 0.0
+        return np.append(self.plant.power(t, self.steps._q, self.steps._v), motors)
+
+    def _accept(self, t):
+        """Move the clock to the end of the last step."""
+        step, (q0, v0) = self._last, self._before
+        self.work = self.work + self._worked(step, 1.0)
+        self.q[self.free], self.qd[self.free] = self.steps.end(step, v0, q0)
+        self.t = t
+        self.plant.place(t, self.q, self.qd)
+        angles = np.linalg.norm((self._turns[1] @ self.q + self._turns[2]).reshape(-1, 3), axis=1)
+        if not np.all(angles <= stumpff.RANGE):
+            worst = self._turns[0][int(np.argmax(np.where(np.isfinite(angles), angles, np.inf)))]
+            sentence = f"At t = {t:.6g} s section {worst} turns by {np.nanmax(angles):.3g} rad, more than 2 pi"
+            raise Stop("numerical", f"{sentence}; use more sections.")
+        self.speed = max(self.speed, self._speed(self.qd[self.free]))
+        if self.charts.renewed(self.q, self.qd):
+            self._last, self._acceleration = None, self._begin()
+            self.steps._matrices = None
+        elif self.fixed:
+            self._acceleration = step.a[-1]
+        else:
+            self._acceleration = step.a[-1].copy()
+
+    def _speed(self, v):
+        return float(np.max(np.abs(v) * self.weights, initial=0.0))
+
+
+def _turns(robot):
+    """Names of the sections of rods, and how far they turn: slope [3 k x n], offset [3 k]."""
+    names = [name for name, _, _, _ in robot._turns]
+    slope, offset = np.zeros((3 * len(names), robot.n)), np.zeros(3 * len(names))
+    for k, (_, columns, own, start) in enumerate(robot._turns):
+        slope[3 * k : 3 * k + 3, columns], offset[3 * k : 3 * k + 3] = own, start
+    return names, slope, offset
+
+
+def legs(plant, times, every=False):
+    """Rising times up to which nothing jumps; with `every` all outputs are among them."""
+    marks = {*breaks(plant.histories, times[-1]), float(times[-1])}
+    return sorted(marks | set(map(float, times[1:])) if every else marks)
+
+
+INTEGRATORS = {"radau": Radau, "gauss": Gauss, "cvodes": Cvodes}

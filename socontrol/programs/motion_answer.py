@@ -1,0 +1,96 @@
+"""From a march through time to a Result: states, ends, energies, and the look that makes it trustworthy.
+
+The energy at each output, computed by another path than the steps, is held against the work that inputs, loads,
+damping, water and motors have done: what appears or vanishes beside it is the error of the integration.
+"""
+
+import numpy as np
+
+from socontrol.programs.answer import rotation_vector
+from socontrol.programs.plant import Buffered
+from socontrol.programs.result import Result, Status, Value
+
+WORKS = ("inputs", "loads", "damping", "water", "motors")  # of the first columns of the recorded work
+BALANCE = 1e-3  # unexplained energy over the largest energy that moved: more rejects a solution
+
+
+def answered(question, plant, march, seconds):
+    """Result of what a march has recorded, all of it or a part."""
+    robot, t = plant.robot, np.array(march.t)
+    arrays = {"t": t, "q": np.array(march.q), "qd": np.array(march.qd)}
+    arrays["u"] = np.array([plant.inputs(x) for x in t])
+    work = np.array(march.work)
+    arrays["work"] = np.column_stack([work[:, :4], work[:, 10]])
+    arrays["impulse"] = work[:, 4:10]
+    arrays |= _energies(plant, arrays) | _ends(robot, plant.functions, arrays)
+    residuals = {"energy": Value(_unexplained(arrays), "1")}
+    status, values = march.status, {}
+    if not all(np.all(np.isfinite(a)) for a in arrays.values()):
+        status = Status("numerical", "The motion holds numbers that are not finite; look at loads and inputs.")
+        arrays = {}
+    else:
+        values = _values(robot, arrays)
+    if status.solved and residuals["energy"].value > BALANCE:
+        status = Status("rejected", f"Of the energy that moved {residuals['energy'].value:.2g} is not explained by work,"
+                        f" above {BALANCE:g}; lower the integrator's tolerance or step.")  # fmt: skip
+    solver = {"iterations": march.iterations, "seconds": seconds, "steps": march.steps, "refused": march.refused}
+    details = {"integrator": type(question.solver).__name__.lower(), "reached": float(t[-1]),
+               "stop": float(question.outputs[-1])}  # fmt: skip
+    return Result(name=question.name, type="simulation", status=status, question=question, arrays=arrays,
+                  values=values, residuals=residuals, solver=solver, details=details)  # fmt: skip
+
+
+def _energies(plant, arrays):
+    """Kinetic, elastic and gravitational energy [k x 3], and momentum about the world's origin [k x 6]."""
+    energy, momentum = (Buffered(f.function) for f in (plant.functions.energy, plant.functions.momentum))
+    rows, momenta = [], []
+    for t, q, qd in zip(arrays["t"], arrays["q"], arrays["qd"], strict=True):
+        parameters = plant.parameters(t)
+        rows.append(energy(q, qd, *parameters)[0][0].copy())
+        momenta.append(momentum(q, qd, *parameters)[0][0].copy())
+    return {"energy": np.array(rows), "momentum": np.array(momenta)}
+
+
+def _ends(robot, functions, arrays):
+    """Pose of every segment's end: position [k x 3] and rotation vector [k x 3]."""
+    found = {}
+    for segment in robot.segments:
+        pose = robot.functions().pose(segment, 1.0).function
+        g = np.array([np.array(pose(q)) for q in arrays["q"]])
+        found[f"{segment}.position"] = g[:, :3, 3]
+        found[f"{segment}.rotation"] = np.array([rotation_vector(R) for R in g[:, :3, :3]])
+    return found
+
+
+def _unexplained(arrays):
+    """Largest |change of energy - work| over the largest energy that moved."""
+    energy, work = arrays["energy"], arrays["work"]
+    change = energy.sum(axis=1) - energy[0].sum() - work.sum(axis=1)
+    moved = max(float(np.max(np.ptp(energy, axis=0))), float(np.max(energy[:, 0])), float(np.max(np.abs(work))))
+    return float(np.max(np.abs(change))) / moved if moved > 0 else 0.0
+
+
+def _values(robot, arrays):
+    """What there is to say at the end, and of the whole way."""
+    t, q = arrays["t"], arrays["q"]
+    values = {"time": Value(float(t[-1]), "s")}
+    for piece in robot.tree.pieces:
+        if not piece.is_rod:
+            for i in range(piece.columns.start, piece.columns.stop):
+                values[f"coordinates.{robot.coordinates[i]}"] = Value(float(q[-1, i]), robot.coordinate_units[i])
+    for segment in robot.segments:
+        positions = arrays[f"{segment}.position"]
+        values[f"{segment}.position"] = Value(positions[-1].tolist(), "m")
+        values[f"{segment}.rotation"] = Value(arrays[f"{segment}.rotation"][-1].tolist(), "rad")
+        values[f"{segment}.displacement"] = Value((positions[-1] - positions[0]).tolist(), "m")
+    for k, name in enumerate(("kinetic", "elastic", "gravitational")):
+        values[f"energy.{name}"] = Value(float(arrays["energy"][-1, k]), "J")
+    values["energy.largest_kinetic"] = Value(float(np.max(arrays["energy"][:, 0])), "J")
+    for k, name in enumerate(WORKS):
+        values[f"work.{name}"] = Value(float(arrays["work"][-1, k]), "J")
+    largest = float(np.max(arrays["energy"][:, 0]))
+    total = arrays["energy"].sum(axis=1) - arrays["work"].sum(axis=1)
+    values["energy.drift"] = Value(float(np.max(np.abs(total - total[0]))) / largest if largest > 0 else 0.0, "1")
+    values["momentum"] = Value(arrays["momentum"][-1].tolist(), "N m s, N s")
+    values["impulse"] = Value(arrays["impulse"][-1].tolist(), "N m s, N s")
+    return values
