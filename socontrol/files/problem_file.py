@@ -1,5 +1,6 @@
 """Problem files: a question, the robot and solver it refers to by relative path, and what it should answer."""
 
+import csv
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from socontrol.files.loader import (
 from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
 from socontrol.programs.questions import QUESTIONS, SOLVERS, Solver
+from socontrol.programs.signals import LONGEST
 from socontrol.programs.singular import unheld
 from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad, fields_of, joined, nearest, show
@@ -28,6 +30,7 @@ LATER = {  # problem types of the file format that this version does not answer
     "tensions": "optimised tendon tensions",
 }
 REFERENCES = ("robot", "solver")  # keys that may hold the path of a file instead of a mapping
+HISTORIES = ("inputs", "coordinates", "load_factors")  # keys whose values may stand in comma-separated files
 
 
 def load_problem(path, overrides=()):
@@ -37,7 +40,7 @@ def load_problem(path, overrides=()):
 
 def problem(mapping, folder="."):
     """Question of a mapping with the keys of a problem file; paths in it are relative to `folder`."""
-    return question_of(inlined(Document({"name": "problem", **mapping}), Path(folder)))
+    return question_of(tabled(inlined(Document({"name": "problem", **mapping}), Path(folder)), Path(folder)))
 
 
 def read_problem(path, overrides=()):
@@ -54,7 +57,7 @@ def resolved(document, path, overrides=()):
     whole = [text for text in overrides if text.partition("=")[0].strip() in REFERENCES]
     for text in whole:
         document = override(document, text)
-    document = inlined(document, Path(path).parent)
+    document = tabled(inlined(document, Path(path).parent), Path(path).parent)
     for text in overrides:
         document = override(_opened(document, text), text) if text not in whole else document
     return document
@@ -84,6 +87,50 @@ def inlined(document, folder):
         if isinstance(given, str):
             document = document.grafted(key, _referred(document, key, given, folder))
     return document
+
+
+def tabled(document, folder):
+    """The document with the columns of comma-separated files in the place of the tables that name them."""
+    for key in HISTORIES:
+        given = document.data.get(key)
+        for name, entry in (given.items() if isinstance(given, dict) else ()):
+            if isinstance(entry, dict) and entry.get("type") == "table" and "file" in entry:
+                filled = {**entry, **columns_of(document, (key, name), entry, folder)}
+                filled = {k: v for k, v in filled.items() if k not in ("file", "column")}
+                data = {**document.data, key: {**document.data[key], name: filled}}
+                document = replace(document, data=data)
+    return document
+
+
+def columns_of(document, path, entry, folder):
+    """times and values of a table's `file` and `column`; the first column of the file is the time."""
+    file, column = entry["file"], entry.get("column")
+    for key in ("times", "values"):
+        if key in entry:
+            raise document.error((*path, key), f"the file gives the {key}; leave this key out")
+    if not isinstance(file, str):
+        raise document.error((*path, "file"), f"{show(file)} is given; a path is wanted")
+    try:
+        with open(_short(folder / file), newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.reader(stream))[: LONGEST + 2]
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        why = getattr(error, "strerror", None) or "no comma-separated text"
+        raise document.error((*path, "file"), f"cannot read '{file}' beside this file: {why}") from error
+    heads = [head.strip() for head in rows[0]] if rows else []
+    if column not in heads[1:]:
+        sentence = f"'{file}' has no column {show(column)}{nearest(str(column), heads[1:])}"
+        raise document.error((*path, "column" if "column" in entry else "file"), sentence)
+    picked, times, values = heads.index(column, 1), [], []
+    for number, row in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        try:
+            times.append(float(row[0]))
+            values.append(float(row[picked]))
+        except (ValueError, IndexError):
+            sentence = f"{file}:{number}: no number in column '{column}' or the first"
+            raise document.error((*path, "file"), sentence) from None
+    return {"times": times, "values": values}
 
 
 def question_of(document):

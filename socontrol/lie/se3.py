@@ -115,7 +115,8 @@ def exp_and_tangent(Omega, coefficients=series):
 def screw_motion(Phi, angle):
     """exp(angle Phi) [4 x 4] of a twist Phi [6] that stays the same, for any angle.
 
-    With k = |w|, a = w / k: R = I + sin a~ + (1 - cos) a~^2, r = (sin / k + (1 - cos) / k a~ + (angle - sin / k) a a^T) v.
+    With k = |w|, a = w / k, turn = k angle:
+    R = I + sin a~ + (1 - cos) a~^2,  r = (sin/k + (1 - cos)/k a~ + (angle - sin/k) a a^T) v.
     """
     w, v = Phi[:3, 0], Phi[3:, 0]
     if w.is_constant() and float(ca.sumsqr(ca.DM(w))) == 0:

@@ -9,15 +9,18 @@ from typing import Annotated, Any, Literal
 import casadi as ca
 
 from socontrol.lie import se3
-from socontrol.mechanics.lines import Chord, NormalLine, RodLine, Torque, norm
+from socontrol.mechanics.lines import Bending, Chord, NormalLine, RodLine, Torque, norm
+from socontrol.model.bases import STRAINS
 from socontrol.quantities import (
     Area,
     Bad,
+    Count,
     Either,
     Fraction,
     Limits,
     Metre,
     Newton,
+    NewtonMetre,
     OneOf,
     Pair,
     Pascal,
@@ -251,6 +254,67 @@ class JointTorque:
         return [[Torque(i, degree)] for degree in range(piece.size)]
 
 
+STATIONS = 200  # at most: each one is an input
+
+
+@record(kw_only=True)
+class InternalMoment:
+    """Moments inside rods, as muscles make them: one input [N m] a station, linear in X between `stations` that stand
+    at equal distances along the named rods; one station is a uniform moment. `strain`: what they work on."""
+
+    along: tuple[str, ...]
+    strain: Literal["twist", "bend_y", "bend_z"]
+    stations: Count = 1
+    limits: Limits[NewtonMetre] | None = None
+    unit = "N m"
+
+    def __post_init__(self):
+        _some(self.along)
+        _refuse_empty("limits", self.limits)
+        if self.stations > STATIONS:
+            raise Bad("stations", f"{self.stations} stations; at most {STATIONS}")
+
+    def resolve(self, tree):
+        """One list of shares for each station."""
+        shares = [[] for _ in range(self.stations)]
+        for i, first, last, length in _stretches(tree, self.along):
+            for k, own in enumerate(shares):
+                corners = self._corners(k, first, last)
+                weight = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in zip(corners, corners[1:], strict=False))
+                if weight > 0:
+                    own.append(Bending(i, STRAINS.index(self.strain), weight * length, corners))
+        return shares
+
+    def _corners(self, k, first, last):
+        """(x, hat of station k) on the part of the whole from `first` to `last`."""
+        if self.stations == 1:
+            return (0.0, 1.0), (1.0, 1.0)
+        tops = [j / (self.stations - 1) for j in range(self.stations)]
+        bends = sorted({first, last, *(X for X in tops if first < X < last)})
+        gap = 1 / (self.stations - 1)
+        return tuple(((X - first) / (last - first), max(0.0, 1 - abs(X - tops[k]) / gap)) for X in bends)
+
+
+def _stretches(tree, along):
+    """(piece, fraction of the whole at its base, at its end, length) of the named rods, in order."""
+    for index, name in enumerate(along):
+        if name not in tree.of:
+            raise Bad(f"along.{index}", _unknown(name, tree))
+        if not tree.pieces[tree.of[name][0]].is_rod:
+            raise Bad(f"along.{index}", f"'{name}' is a joint; moments act inside rods")
+    for index, (before, name) in enumerate(zip(along, along[1:], strict=False), start=1):
+        _refuse_gap(tree, before, name, f"along.{index}")
+    lengths = [tree.pieces[i].length for name in along for i in tree.of[name]]
+    if not all(ca.SX(length).is_constant() for length in lengths):
+        raise ValueError("the lengths along an internal moment must be numbers")
+    total, done = float(sum(lengths)), 0.0
+    for name in along:
+        for i in tree.of[name]:
+            length = float(tree.pieces[i].length)
+            yield i, done / total, (done + length) / total, length
+            done += length
+
+
 def _some(along):
     if not along:
         raise Bad("along", "no segment is named")
@@ -263,5 +327,10 @@ def _refuse_empty(key, value):
         raise Bad(key, "the list is empty; fill it or leave the key out")
 
 
-ACTUATORS = {"tendon": Tendon, "chamber": Chamber, "joint_torque": JointTorque}
+ACTUATORS = {
+    "tendon": Tendon,
+    "chamber": Chamber,
+    "joint_torque": JointTorque,
+    "internal_moment": InternalMoment,
+}
 Actuator = Annotated[Any, OneOf(ACTUATORS, what="actuator")]

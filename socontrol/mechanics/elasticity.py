@@ -25,7 +25,16 @@ def force(piece, q):
     if piece.is_rod:
         eps, material = deviation(piece, q), piece.record.material
         return piece.Phi.T @ sum(w * material.force(eps, section) for w, section in quadrature(piece))
-    return piece.record.matrix("stiffness") @ (q[piece.columns] - piece.record.rest_coordinates())
+    force, n = piece.record.matrix("stiffness") @ (q[piece.columns] - piece.record.rest_coordinates()), piece.size
+    for i, d, side, k, w in _stops(piece, q):
+        force = force + ca.DM.triplet([i], [0], [side], n, 1) * (k * d**3 / (d**2 + w**2))
+    return force
+
+
+def _stops(piece, q):
+    """(index, way past the limit, side, stiffness, width) of a joint's stops; the way is 0 inside."""
+    for i, limit, side, k, w in piece.record.stops():
+        yield i, ca.fmax(0, side * (q[piece.columns][i] - limit)), side, k, w
 
 
 def stiffness(piece, q):
@@ -34,7 +43,10 @@ def stiffness(piece, q):
         eps, material = deviation(piece, q), piece.record.material
         tangent = sum(w * material.stiffness(eps, section) for w, section in quadrature(piece))
         return piece.Phi.T @ tangent @ piece.Phi
-    return piece.record.matrix("stiffness")
+    K, n = piece.record.matrix("stiffness"), piece.size
+    for i, d, _, k, w in _stops(piece, q):
+        K = K + ca.DM.triplet([i], [i], [1], n, n) * (k * d**2 * (d**2 + 3 * w**2) / (d**2 + w**2) ** 2)
+    return K
 
 
 def energy(piece, q):
@@ -43,7 +55,8 @@ def energy(piece, q):
         eps, material = deviation(piece, q), piece.record.material
         return sum(w * material.energy(eps, section) for w, section in quadrature(piece))
     away = q[piece.columns] - piece.record.rest_coordinates()
-    return ca.bilin(piece.record.matrix("stiffness"), away, away) / 2
+    spring = ca.bilin(piece.record.matrix("stiffness"), away, away) / 2
+    return spring + sum((k / 2 * (d**2 - w**2 * ca.log1p(d**2 / w**2)) for _, d, _, k, w in _stops(piece, q)), 0)
 
 
 def damping(piece, q):

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from socontrol.lie import arcs, se3
 from socontrol.mechanics.loads import dead
@@ -188,3 +189,36 @@ class Torque:
     def _wrench(self, piece):
         dual = piece.Phi @ ca.inv(piece.Phi.T @ piece.Phi)
         return dual[:, self.degree]
+
+
+@dataclass(frozen=True)
+class Bending:
+    """A moment inside one section of rod, a hat over X with its top at one station: tau = Phi^T e int hat ds u.
+
+    corners: (x, hat) at rising x from 0 to 1, straight lines between.
+    """
+
+    piece: int
+    strain: int
+    weight: Any
+    corners: tuple
+    gain: float = 1.0
+
+    conservative = True
+
+    def length(self, tree, q):
+        """int hat strain ds [rad]: the turn that the moment works on."""
+        return self.weight * tree.pieces[self.piece].strain(q)[self.strain]
+
+    def force(self, tree, q):
+        return self.weight * tree.pieces[self.piece].Phi[self.strain, :].T
+
+    def gradient(self, tree, q):
+        size = tree.pieces[self.piece].size
+        return ca.DM(size, size)
+
+    def wrench(self, tree, q, x):
+        """Wrench [6] of the actuator at x for unit input, body frame."""
+        F = ca.DM(6, 1)
+        F[self.strain] = float(np.interp(x, *zip(*self.corners, strict=True)))
+        return F

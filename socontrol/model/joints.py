@@ -28,17 +28,23 @@ from socontrol.quantities import (
     Radian,
     TorsionDamping,
     TorsionStiffness,
+    is_symbolic,
     record,
 )
 
 ROTATION, TRANSLATION = ("rad", "N m"), ("m", "N")
+STOPS = {"rad": (100.0, 0.01), "m": (1e5, 1e-3)}  # stiffness, and way past the limit by which half of it is there
 Entries = Annotated[Any, Either(Number, tuple[Number, ...])]
 Matrix = Annotated[Any, Either(Number, tuple[Number, ...], tuple[tuple[Number, ...], ...])]
 
 
 @record(kw_only=True)
 class Lumped:
-    """What all joints share. `stiffness`, `damping`: a number, a list by degree of freedom, or a matrix, in SI."""
+    """What all joints share. `stiffness`, `damping`: a number, a list by degree of freedom, or a matrix, in SI.
+
+    Past its `limits` a joint meets a smooth stop of `stop_stiffness` (default 100 N m/rad, 1e5 N/m): d past a limit the
+    force is k d^3 / (d^2 + w^2), w = 0.01 rad or 1 mm, with two continuous derivatives.
+    """
 
     parent: str = "world"
     at: Fraction = 1.0
@@ -47,6 +53,7 @@ class Lumped:
     damping: Matrix = 0.0
     rest: Entries = 0.0
     limits: tuple | None = None
+    stop_stiffness: Entries | None = None
     body: Body | None = None
     fluid: BodyFluid | None = None
     tip: Placement = Placement()
@@ -58,7 +65,11 @@ class Lumped:
             _check_sign(key, getattr(self, key))
         _check_shape("rest", self.rest, n, matrix=False)
         if self.limits is None:
+            if self.stop_stiffness is not None:
+                raise Bad("stop_stiffness", "there are no `limits` to stop at")
             return
+        _check_shape("stop_stiffness", self.stop_stiffness, n, matrix=False)
+        _check_sign("stop_stiffness", self.stop_stiffness or 0)
         if n == 0:
             raise Bad("limits", "a fixed joint has no coordinate to limit; leave the key out")
         if len(self.limit_pairs()) != n:
@@ -72,6 +83,19 @@ class Lumped:
         """(lower, upper) of each degree of freedom."""
         limits = self.limits
         return (limits,) if limits and not isinstance(limits[0], (tuple, list)) else tuple(limits)
+
+    def stops(self):
+        """(index, limit, side, stiffness, width) of each finite limit; side is +1 for an upper one."""
+        rows = []
+        for i, pair in enumerate(self.limit_pairs() if self.limits else ()):
+            stiffness, width = STOPS[self.units[i][0]]
+            given = self.stop_stiffness
+            if given is not None:
+                stiffness = given[i] if isinstance(given, (tuple, list)) else given
+            for limit, side in zip(pair, (-1, 1), strict=True):
+                if is_symbolic(limit) or (limit is not None and abs(limit) < float("inf")):
+                    rows.append((i, limit, side, stiffness, width))
+        return rows
 
     def matrix(self, key):
         """`stiffness` or `damping` as an n x n matrix."""

@@ -39,7 +39,7 @@ class _Chart:
     def __init__(self, piece):
         self.columns, n = piece.columns, piece.size
         self._turning = np.array(ca.DM(piece.Phi))[:3]
-        q, qd = ca.SX.sym("q", n), ca.SX.sym("qd", n)
+        q = ca.SX.sym("q", n)
         pose, S = piece.joint_step(q)
         new = ca.DM(np.linalg.pinv(np.array(ca.DM(piece.Phi)))) @ se3.log(pose)
         self._pose = ca.Function("chart", [q], [ca.densify(new)])

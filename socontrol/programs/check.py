@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.mechanics import elasticity
-from socontrol.mechanics.lines import Chord, NormalLine, RodLine
+from socontrol.mechanics.lines import Bending, Chord, NormalLine, RodLine
 from socontrol.mechanics.loads import Field
 from socontrol.model.quadrature import gauss_legendre
 
@@ -36,6 +36,10 @@ class Checker:
         self.lengths = [float(p.length) for p in self.pieces]
         self.placements = [numeric(p.placement) for p in self.pieces]
         self.loads = [_Load(load, self.pieces) for load in self.robot.loads]
+        water = self.robot.water
+        if water is not None and any(water.velocity):
+            rows = [_Current(i, piece, water) for i, piece in enumerate(self.pieces)]
+            self.loads += [row for row in rows if row.x.size]
         self.lines = [[_Line(line, self.pieces) for line in shares] for shares in self.robot.lines]
 
     def __call__(self, q, u):
@@ -89,6 +93,38 @@ class _Load:
         return np.hstack([turned + moment, force])
 
 
+class _Current:
+    """Moving water on a piece at rest: drag, lift, and the turning moment of added mass, by body axes at each place."""
+
+    def __init__(self, i, piece, water):
+        self.piece, self.velocity, self.body = i, np.array(water.velocity, dtype=float), None
+        record, self.offset, self.density = piece.record, np.eye(4), float(water.density)
+        self.x = np.array([p.x for p in piece.slices])
+        self.data = np.array([np.array(p.weight * ca.vertcat(*record.fluid_density(p, self.density))).ravel()
+                              for p in piece.slices], dtype=float)  # fmt: skip
+        if not piece.is_rod and record.fluid is not None:
+            self.x, self.body = np.array([1.0]), record.fluid
+            self.offset[:3, 3] = record.body.com if record.body is not None else 0.0
+
+    def wrenches(self, poses):
+        """[k x 6] about the world's origin."""
+        rows = []
+        for k, g in enumerate(poses @ self.offset):
+            n = -g[:3, :3].T @ self.velocity
+            if self.body is None:
+                t, c, lift, linear_t, linear_n, ay, az = self.data[k]
+                added = np.array([0.0, ay, az])
+                turning = np.array([t * n[0], c * n[1] + lift * n[2], c * n[2] - lift * n[1]])
+                force = -np.linalg.norm(n) * turning - np.array([linear_t, linear_n, linear_n]) * n
+            else:
+                added = numeric(self.body.added(self.density)[1]).ravel()
+                speed = self.density * np.linalg.norm(n)
+                force = -(speed * np.array(self.body.drag[3:]) + np.array(self.body.linear[3:])) * n
+            force, moment = g[:3, :3] @ force, -(g[:3, :3] @ np.cross(n, added * n))
+            rows.append(np.concatenate([np.cross(g[:3, 3], force) + moment, force]))
+        return np.array(rows)
+
+
 class _Line:
     """One share of an actuator in numbers; `force` gives its generalised force for unit input."""
 
@@ -100,11 +136,15 @@ class _Line:
             self.slopes = np.array([numeric(slope).ravel() for _, _, slope in line.nodes])
         elif isinstance(line, Chord):
             self.start, self.stop = numeric(line.start).ravel(), numeric(line.stop).ravel()
+        elif isinstance(line, Bending):
+            self.constant = float(line.weight) * numeric(pieces[line.piece].Phi)[line.strain]
         else:
             Phi = numeric(pieces[line.piece].Phi)
             self.wrench = (Phi @ np.linalg.inv(Phi.T @ Phi))[:, line.degree]
 
     def force(self, look):
+        if self.kind is Bending:
+            return self.gain * self.constant
         Phi, xi = look.numbers.Phi[self.piece], look.strains[self.piece]
         if issubclass(self.kind, RodLine):
             v = self.E @ xi + self.slopes

@@ -1,4 +1,4 @@
-"""SUNDIALS' CVODES, through CasADi, on the explicit form qdd = M^-1 (B u - rest): variable order, the second opinion."""
+"""SUNDIALS' CVODES, through CasADi, on the explicit form qdd = M^-1 (B u - rest): the second opinion."""
 
 import time
 

@@ -83,7 +83,8 @@ class March:
             self.status = stop.status
         except KeyboardInterrupt:
             reached = self.t[-1] if self.t else 0.0
-            self.status = Status("interrupted", f"Stopped by the user at t = {reached:.6g} s; what was computed is kept.")
+            message = f"Stopped by the user at t = {reached:.6g} s; what was computed is kept."
+            self.status = Status("interrupted", message)
 
     def keep(self, t, q, qd, work):
         self.t.append(float(t))
@@ -163,7 +164,7 @@ class Marcher:
 
     def _step(self, h):
         """(length, length of the next) of a step that is good enough; it is left in `self._last`."""
-        steps, march, settings = self.steps, self.march, self.settings
+        steps, march = self.steps, self.march
         q, v, fresh = self.q[self.free], self.qd[self.free], False
         if steps._matrices is None or self._last is None or self._last.contraction > GOOD:
             steps.refresh(self.t, self.q, self.qd)

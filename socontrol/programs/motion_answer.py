@@ -31,8 +31,8 @@ def answered(question, plant, march, seconds):
     else:
         values = _values(robot, arrays)
     if status.solved and residuals["energy"].value > BALANCE:
-        status = Status("rejected", f"Of the energy that moved {residuals['energy'].value:.2g} is not explained by work,"
-                        f" above {BALANCE:g}; lower the integrator's tolerance or step.")  # fmt: skip
+        lost = f"Of the energy that moved {residuals['energy'].value:.2g} is not explained by work, above {BALANCE:g}"
+        status = Status("rejected", f"{lost}; lower the integrator's `tolerance` or `step`.")
     solver = {"iterations": march.iterations, "seconds": seconds, "steps": march.steps, "refused": march.refused}
     details = {"integrator": type(question.solver).__name__.lower(), "reached": float(t[-1]),
                "stop": float(question.outputs[-1])}  # fmt: skip

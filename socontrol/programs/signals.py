@@ -88,12 +88,14 @@ class Table:
     From a file: `file` (comma-separated, one head line) and the `column` of the values; its first column is the time.
     """
 
-    times: tuple[Second, ...]
-    values: tuple[Raw, ...]
+    times: tuple[Second, ...] = ()
+    values: tuple[Raw, ...] = ()
     column: str | None = None
     file: str | None = None
 
     def __post_init__(self):
+        if self.file is not None:
+            raise Bad("file", "a file is read with the problem file that names it; from Python give times and values")
         if len(self.times) < 2 or len(self.times) != len(self.values):
             raise Bad("values", f"{len(self.times)} times and {len(self.values)} values; give two or more of both")
         if len(self.times) > LONGEST:

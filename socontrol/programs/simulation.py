@@ -73,7 +73,7 @@ class Simulation(Question):
         """Raise Bad unless names, units and times of what is given fit the robot."""
         self.named("coordinates", self.start.coordinates, "start.coordinates")
         self.named("inputs", self.start.inputs, "start.inputs")
-        self.rates
+        self._rates()
         self._refuse_early_ends()
         self._refuse_beyond_limits()
 
@@ -84,16 +84,20 @@ class Simulation(Question):
             q[i] = float(given.value(0.0))
         return q
 
-    @cached_property
-    def rates(self):
+    def _rates(self):
         """qd [n] at t = 0."""
-        units, robot, qd = self.robot.coordinate_units, self.robot, np.zeros(self.robot.n)
+        units, qd = self.robot.coordinate_units, np.zeros(self.robot.n)
         for name, raw in (self.start.rates or {}).items():
-            if name not in robot.coordinates:
-                raise Bad(f"start.rates.{name}", f"the robot has no coordinate '{name}'{nearest(name, robot.coordinates)}")
-            i = robot.coordinates.index(name)
+            i = self._index("coordinates", name, f"start.rates.{name}")
             qd[i] = read(raw, f"{units[i]}/s", f"start.rates.{name}")
         return qd
+
+    def _index(self, key, name, path):
+        """Place of an input or coordinate by name; raises Bad at `path`."""
+        names = getattr(self.robot, key)
+        if name not in names:
+            raise Bad(path, f"the robot has no {key[:-1]} '{name}'{nearest(name, names)}")
+        return names.index(name)
 
     @cached_property
     def outputs(self):
@@ -110,8 +114,7 @@ class Simulation(Question):
         """History of every input."""
         given, robot = dict(self.inputs or {}), self.robot
         for name in given:
-            if name not in robot.inputs:
-                raise Bad(f"inputs.{name}", f"the robot has no input '{name}'{nearest(name, robot.inputs)}")
+            self._index("inputs", name, f"inputs.{name}")
         return [history(given.get(name, 0.0), unit, f"inputs.{name}")
                 for name, unit in zip(robot.inputs, robot.input_units, strict=True)]  # fmt: skip
 
@@ -120,9 +123,7 @@ class Simulation(Question):
         """{index: history} of the coordinates that motors move as given."""
         robot, found = self.robot, {}
         for name, given in (self.coordinates or {}).items():
-            if name not in robot.coordinates:
-                raise Bad(f"coordinates.{name}", f"the robot has no coordinate '{name}'{nearest(name, robot.coordinates)}")
-            i = robot.coordinates.index(name)
+            i = self._index("coordinates", name, f"coordinates.{name}")
             found[i] = history(given, robot.coordinate_units[i], f"coordinates.{name}", motion=True)
         return found
 
@@ -157,7 +158,7 @@ class Simulation(Question):
             for value, limit, beyond in ((values.min(), lower[i], -1), (values.max(), upper[i], 1)):
                 if beyond * (value - limit) > 1e-9 * max(1.0, abs(limit)):
                     side = "above" if beyond > 0 else "below"
-                    sentence = f"the motion reaches {value:.6g} {unit}, {side} the limit of the joint, {limit:.6g} {unit}"
+                    sentence = f"the motion reaches {value:.6g} {unit}, {side} the joint's limit of {limit:.6g} {unit}"
                     raise Bad(f"coordinates.{name}", sentence)
 
     def solve(self, progress=None):
@@ -171,9 +172,9 @@ class Simulation(Question):
             return Result(name=self.name, type="simulation", status=status, question=self)
         weights = displacement_weights(robot)
         if isinstance(self.solver, Cvodes):
-            march = CvodesMarch(plant, self.solver, self.outputs, Charts(robot)).run(q, self.rates, progress)
+            march = CvodesMarch(plant, self.solver, self.outputs, Charts(robot)).run(q, self._rates(), progress)
         else:
-            march = Marcher(plant, self.solver, self.outputs, weights, robot.length).run(q, self.rates, progress)
+            march = Marcher(plant, self.solver, self.outputs, weights, robot.length).run(q, self._rates(), progress)
         return answered(self, plant, march, time.perf_counter() - began)
 
     def _first(self, plant):
@@ -192,7 +193,7 @@ class Simulation(Question):
 
 
 def displacement_weights(robot):
-    """[n] metres that a unit of each coordinate moves the robot's ends at q = 0, turns counted at a tenth of its size."""
+    """[n] metres that a unit of each coordinate moves the robot's ends at q = 0; turns count a tenth of its size."""
     f, weights = robot.functions(), np.zeros(robot.n)
     for segment in robot.segments:
         J = np.array(f.jacobian(segment, 1.0).function(np.zeros(robot.n)))
