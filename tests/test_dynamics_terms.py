@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from robots import (
     BODY,
+    POINTS,
     ROBOTS,
     STEP,
     TILTED,
@@ -34,7 +35,7 @@ from robots import (
     slice_at,
     vee,
 )
-from test_statics_terms import changed, reshaped
+from test_statics_terms import changed
 
 import socontrol
 from socontrol.lie.motion import Motion, MovingArc
@@ -42,7 +43,7 @@ from socontrol.mechanics import articulated, composite, floating, newton_euler
 from socontrol.mechanics.actuators import JointTorque, Tendon
 from socontrol.mechanics.functions import Functions
 from socontrol.mechanics.kinematics import Kinematics
-from socontrol.mechanics.loads import Distributed, Wrench
+from socontrol.mechanics.loads import Distributed, Fluid, Wrench
 from socontrol.mechanics.motion import Sweep
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.mechanics.statics import Statics
@@ -50,10 +51,11 @@ from socontrol.model.bodies import Body
 from socontrol.model.joints import Free, Helical, Prismatic, Revolute, Spherical
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle, General, Hole
+from socontrol.quantities import Bad
 
 FOLDER = Path(__file__).parent.parent / "configs" / "robots"
 TEN = {1: 5 / 6, 2: -5 / 21, 3: 5 / 84, 4: -5 / 504, 5: 1 / 1260}  # central differences of order ten
-H = 0.02  # of differences in time: H^10 / 2772 and rounding / H are both below 1e-14 for rates of a few 1/s
+H = 0.03  # s, of differences in time: H^10 / 2772 and rounding / H are both below 1e-14 at a rad a second
 HOLED = Circle(radius=0.011, holes=(Hole(offset=(0.005, -0.004), radius=0.003),))  # no axis of symmetry
 
 
@@ -61,7 +63,7 @@ HOLED = Circle(radius=0.011, holes=(Hole(offset=(0.005, -0.004), radius=0.003),)
 
 
 def eccentric():
-    """Off-centre slices, one rod on another's middle, a joint at mid-rod."""
+    """Off-centre slices, one rod on another's middle, a joint at mid-rod, and a rod that stands before that joint."""
     numbers = General(
         stiffness=(0.01, 0.02, 0.03, 90.0, 40.0, 50.0), inertia=(6e-5, 2e-5, 5e-5, 0.3, 0.3, 0.3)
     )
@@ -71,7 +73,7 @@ def eccentric():
             "stem": rod(cross_section=HOLED, strains="simo_reissner", sections=(0.4, 0.6)),
             "twig": rod(parent="stem", at=0.55, cross_section=numbers, length=0.12, **simo),
             "leaf": Helical(parent="twig", at=0.5, axis=(0.2, 0.4, 0.9), pitch=0.03, body=BODY, tip=TIP),
-            "bud": rod(parent="leaf", cross_section=HOLED, length=0.1, **simo),
+            "bud": rod(parent="leaf", at=0.0, cross_section=HOLED, length=0.1, **simo),
         },
         actuators={"cable": Tendon(along=("stem",), offset=(0.004, 0.003))},
     )
@@ -85,7 +87,7 @@ def floater():
             "hub": Free(placement=TILTED, body=hub, tip=TIP),
             "tail": rod(parent="hub", cross_section=HOLED),
             "fin": Revolute(parent="tail", at=0.5, axis=(0.1, 0.3, 1.0), body=BODY, tip=TIP),
-            "head": Spherical(parent="hub", at=0.0, point=(0.01, 0.0, 0.02), placement=TILTED, body=BODY),
+            "head": Spherical(parent="hub", point=(0.01, 0.0, 0.02), placement=TILTED, body=BODY),
         },
         loads={
             "pull": Wrench(on="tail", force=(0.1, -0.2, 0.15), moment=(0.01, 0.0, -0.01)),
@@ -121,7 +123,19 @@ TABLE = {**ROBOTS, **EXTRA}
 
 @cache
 def described(name):
-    return TABLE[name] if name in TABLE else socontrol.load_robot(SHIPPED[name]).description
+    """A robot on dry land (`test_fluids` takes them into the water), its rods of few sections: more cost time only."""
+    if name in TABLE:
+        return TABLE[name]
+    description = socontrol.load_robot(SHIPPED[name]).description
+    loads = {key: load for key, load in (description.loads or {}).items() if not isinstance(load, Fluid)}
+    return replace(description, loads=loads, segments={k: shortened(s) for k, s in description.segments.items()})
+
+
+def shortened(s):
+    by_section = isinstance(s, Rod) and any(isinstance(v, tuple) for v in [s.sections, *(s.rest or {}).values()])
+    if by_section or not isinstance(s, Rod):
+        return s
+    return replace(s, sections=min(s.sections, 2))
 
 
 @cache
@@ -131,7 +145,7 @@ def functions(name):
 
 @dataclass(frozen=True)
 class Moving(Case):
-    """A `Case` with rates in proportion to the bent shape, accelerations, and the oracle's numbers."""
+    """A `Case` with rates, accelerations, and the oracle's numbers. Its tips turn by a rad a second or so."""
 
     @property
     def description(self):
@@ -152,7 +166,8 @@ class Moving(Case):
     @cached_property
     def _rates(self):
         rng = np.random.default_rng(1 + sum(map(ord, self.name)))
-        return [np.array(self.plain.scales) * rng.normal(size=self.plain.n) for _ in range(2)]
+        n = self.plain.n
+        return [np.array(self.plain.scales) * rng.normal(size=n) / np.sqrt(n) for _ in range(4)]
 
     @property
     def qd(self):
@@ -167,6 +182,11 @@ class Moving(Case):
         return Masses(self.plain)
 
     @cached_property
+    def slopes(self):
+        """dg/dq of all masses."""
+        return self.masses.slopes(self.q)
+
+    @cached_property
     def mass(self):
         return array(self.functions.mass(self.q)).reshape(self.plain.n, self.plain.n)
 
@@ -178,6 +198,7 @@ class Moving(Case):
 
 CASES = [Moving(name, shape) for name in (*TABLE, *SHIPPED) for shape in ("straight", "bent")]
 SMALL = [case for case in CASES if case.name in TABLE]
+DISTINCT = ("free", "branched", "eccentric", "crawler", "off_centre_hole")  # every kind of piece, place and section
 FREE = [case for case in CASES if case.name in ("floater", "crawler")]
 
 
@@ -191,7 +212,10 @@ class Masses:
         self.plain, self.P = plain, []
         for s in plain.segments.values():
             if isinstance(s, Rod):
-                self.P += [w * slice_pseudo_inertia(s, X) for X, w in plain._places(s)]
+                edges = bounds(s)
+                for a, b in zip(edges, edges[1:], strict=False):
+                    nodes = zip(*gauss(a, b, points(s)), strict=True)
+                    self.P += [w * s.length * slice_pseudo_inertia(s, X) for X, w in nodes]
             elif s.body is not None:
                 self.P.append(body_pseudo_inertia(s.body))
         self.P = np.array(self.P).reshape(-1, 4, 4)
@@ -204,7 +228,7 @@ class Masses:
             if isinstance(s, Rod):
                 for i, part in enumerate(np.diff(bounds(s))):
                     xi = self.plain.strain(q, name, i) * part * s.length
-                    x, _ = gauss(0, 1)
+                    x, _ = gauss(0, 1, points(s))
                     steps = exponential(hat(x.reshape(-1, *[1] * xi.ndim) * xi), halvings=4)
                     out += list(stations[name][i] @ steps)
             elif s.body is not None:
@@ -220,17 +244,17 @@ class Masses:
         """dg/dt [k x ... x 4 x 4]."""
         return np.imag(self.frames(np.asarray(q) + 1j * STEP * np.asarray(qd))) / STEP
 
-    def mass(self, q):
-        dg = self.slopes(q)
-        return np.einsum("kiab,kbc,kjac->ij", dg, self.P, dg, optimize=True)
+    def mass(self, dg):
+        return np.tensordot(dg @ self.P[:, None], dg, axes=((0, 2, 3), (0, 2, 3)))
 
-    def inertial_force(self, q, qd, qdd):
-        """[n] by d'Alembert's principle."""
+    def inertial_force(self, dg, q, qd, qdd):
+        """[n] by d'Alembert's principle, dg/dq given."""
+
         def velocity(t):
             t = np.asarray(t)[:, None]
             return self.rates(q + t * qd + t**2 / 2 * qdd, qd + t * qdd)
 
-        return np.einsum("kiab,kbc,kac->i", self.slopes(q), self.P, in_time(velocity), optimize=True)
+        return np.einsum("kiab,kab->i", dg, in_time(velocity) @ self.P)
 
     def kinetic_energy(self, q, qd):
         v = self.rates(q, qd)
@@ -240,6 +264,11 @@ class Masses:
         """[6] angular about the world's origin, and linear: sum r x r' dm and sum r' dm."""
         S = np.einsum("kab,kbc,kdc->ad", self.frames(q), self.P, self.rates(q, qd))  # int r r'^T dm
         return np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0], *S[3, :3]])
+
+
+def points(s):
+    """Gauss points a section: more than the library's, but for rods whose file asks for so few that it would show."""
+    return POINTS if s.quadrature >= 8 else s.quadrature
 
 
 def in_time(function, h=H):
@@ -285,16 +314,17 @@ def test_the_oracle_knows_a_spinning_top():
     """Energy and momentum of a body that turns about its axis, by hand."""
     top = Description(segments={"top": Revolute(axis=(0, 0, 1.0), body=Body(2.0, (0.5, 0, 0), (1.0, 2.0, 2.5)))})
     masses = Masses(Plain(top))
-    assert masses.mass([0.7])[0, 0] == pytest.approx(2.5 + 2.0 * 0.25, rel=1e-14)
-    spin = masses.momentum([0.0], [3.0])
+    assert masses.mass(masses.slopes([0.7]))[0, 0] == pytest.approx(2.5 + 2.0 * 0.25, rel=1e-14)
+    spin = masses.momentum(np.zeros(1), np.array([3.0]))
     np.testing.assert_allclose(spin, [0, 0, 9.0, 0, 3.0, 0], atol=1e-14)
-    np.testing.assert_allclose(masses.inertial_force(np.zeros(1), np.ones(1), np.array([2.0])), [6.0], rtol=1e-12)
+    motion = np.array([0.7]), np.ones(1), np.array([2.0])
+    np.testing.assert_allclose(masses.inertial_force(masses.slopes([0.7]), *motion), [6.0], rtol=1e-12)
 
 
 # Inside one piece (T10)
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-6, 1.0, 4.0])
+@pytest.mark.parametrize("size", [0.0, 1e-6, 1.0, 4.0, 6.28])  # rad, up to the range of the series
 @pytest.mark.parametrize("s", [0.1, 1.0])
 def test_motion_on_an_arc_whose_base_moves_is_the_slope_of_its_pose(size, s):
     rng = np.random.default_rng(3)
@@ -327,7 +357,7 @@ def test_motion_on_an_arc_whose_base_moves_is_the_slope_of_its_pose(size, s):
     assert gap(moving.a, acceleration[:3, 3]) < 1e-11
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", SMALL, ids=str)
 def test_twists_and_accelerations_where_others_stand_are_slopes_of_the_pose(case):
     """eta and its rate, in body axes, on the pieces that carry others."""
     sweep = Sweep(case.robot, *map(ca.DM, (case.q, case.qd, case.qdd)))
@@ -363,10 +393,24 @@ def test_twists_and_accelerations_where_others_stand_are_slopes_of_the_pose(case
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_mass_is_the_sum_over_slices_and_bodies(case):
     M = case.mass * np.outer(case.scale, case.scale)
-    expected = case.masses.mass(case.q) * np.outer(case.scale, case.scale)
+    expected = case.masses.mass(case.slopes) * np.outer(case.scale, case.scale)
     assert np.abs(M - expected).max() < 1e-11
     assert np.abs(M - M.T).max() < 1e-12  # diagonal blocks are summed both ways
     assert np.linalg.eigvalsh(M)[0] > 0
+
+
+@pytest.mark.xfail(strict=True, reason="mass and momentum take the first of the three, C all of them; reported")
+def test_three_different_masses_a_metre_are_refused_or_make_one_robot():
+    """M' = C + C^T wherever a `General` section is accepted."""
+    numbers = General(stiffness=(0.01, 0.02, 0.03, 90.0, 40.0, 50.0), inertia=(6e-5, 2e-5, 5e-5, 0.3, 0.2, 0.4))
+    try:
+        bar = rod(cross_section=numbers, strains="simo_reissner", sections=1)
+    except Bad:
+        return
+    f = Robot(Description(segments={"bar": bar})).functions()
+    q, qd = np.full(6, 0.4), np.array([2, -1, 3, 0.2, 0.1, 0.3])
+    C = array(f.coriolis(q, qd))
+    assert gap(slope(lambda t: f.mass(q + t * qd)), C + C.T) < 1e-10
 
 
 def test_a_joint_that_carries_no_mass_has_none():
@@ -376,14 +420,14 @@ def test_a_joint_that_carries_no_mass_has_none():
     np.testing.assert_array_equal([M[0, 1], M[1, 0], M[1, 1]], 0)
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", SMALL, ids=str)
 def test_kinetic_energy_is_that_of_the_moving_slices_and_half_qd_M_qd(case):
     kinetic = array(case.functions.energy(case.q, case.qd))[0]
     assert kinetic == pytest.approx(case.masses.kinetic_energy(case.q, case.qd), rel=1e-11)
     assert kinetic == pytest.approx(case.qd @ case.mass @ case.qd / 2, rel=1e-11)
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", SMALL, ids=str)
 def test_momentum_is_the_sum_over_slices_and_bodies(case):
     momentum = array(case.functions.momentum(case.q, case.qd))
     assert gap(momentum, case.masses.momentum(case.q, case.qd)) < 1e-11
@@ -404,14 +448,14 @@ def inertial(case, *motion):
 def test_inverse_dynamics_are_those_of_d_Alembert(case):
     motion = case.q, case.qd, case.qdd
     force, rounding = inertial(case, *motion)
-    expected = case.scale * case.masses.inertial_force(*motion)
+    expected = case.scale * case.masses.inertial_force(case.slopes, *motion)
     assert np.abs(case.scale * force - expected).max() < 1e-11 * np.abs(expected).max() + rounding
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_C_qd_are_the_velocity_terms_of_d_Alembert(case):
     C = array(case.functions.coriolis(case.q, case.qd)).reshape(case.plain.n, -1)
-    expected = case.masses.inertial_force(case.q, case.qd, 0 * case.qd)
+    expected = case.masses.inertial_force(case.slopes, case.q, case.qd, 0 * case.qd)
     size = np.abs(case.scale * (case.mass @ case.qdd)).max()  # C qd alone may vanish: a slide, a turn about an axis
     assert np.abs(case.scale * (C @ case.qd - expected)).max() < 1e-11 * size
 
@@ -465,24 +509,18 @@ def test_articulated_bodies_are_the_dense_solution(case):
     assert np.abs((qdd - expected) / case.scale).max() < 20 * rounding * np.abs(expected / case.scale).max() + 1e-12
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", SMALL, ids=str)
 def test_energy_changes_by_the_power_of_inputs_loads_and_dampers(case):
-    f, q, qd, u = case.functions, case.q, case.qd, case.u
-    qdd = array(f.forward_dynamics(q, qd, u))
-    h = H * min(1, 1 / np.abs(qdd * h_scale(case)).max())  # stiff rods accelerate wildly
-    rate = slope(lambda t: f.energy(q + t * qd + t**2 / 2 * qdd, qd + t * qdd), h)
+    """Whatever the accelerations: tau is what they ask for."""
+    f, (q, qd, qdd) = case.functions, (case.q, case.qd, case.qdd)
+    rate = slope(lambda t: f.energy(q + t * qd + t**2 / 2 * qdd, qd + t * qdd))
     plain = Plain(replace(case.description, gravity=(0.0, 0.0, 0.0)))
     power = [
-        qd @ array(f.actuation(q)).reshape(case.plain.n, -1) @ u,
+        qd @ array(f.inverse_dynamics(q, qd, qdd)),
         qd @ plain.external_force(q),
         -qd @ array(f.damping(q)).reshape(case.plain.n, -1) @ qd,
     ]
-    assert abs(rate.sum() - sum(power)) < 1e-9 * np.abs([*rate, *power]).max()
-
-
-def h_scale(case):
-    """Turns an acceleration into shapes a second squared."""
-    return 1 / np.array(case.plain.scales)
+    assert abs(rate.sum() - sum(power)) < 1e-10 * np.abs([*rate, *power]).max()
 
 
 # Free robots
@@ -490,10 +528,10 @@ def h_scale(case):
 
 @pytest.mark.parametrize("case", FREE, ids=str)
 def test_momentum_changes_by_the_wrench_of_weights_and_loads(case):
-    f, q, qd, u = case.functions, case.q, case.qd, case.u
-    qdd = array(f.forward_dynamics(q, qd, u))
-    h = H * min(1, 1 / np.abs(qdd * h_scale(case)).max())
-    rate = slope(lambda t: f.momentum(q + t * qd + t**2 / 2 * qdd, qd + t * qdd), h)
+    """Whatever the joints do: the base moves as no wrench on it asks."""
+    f, q, qd, joints = case.functions, case.q, case.qd, case.qdd[6:]
+    qdd = np.concatenate([array(f.floating_inverse_dynamics(q, qd, joints)[0]), joints])
+    rate = slope(lambda t: f.momentum(q + t * qd + t**2 / 2 * qdd, qd + t * qdd), h=H / 5)  # falls, turns faster
     assert gap(rate, case.plain.total_push(q)) < 1e-9
 
 
@@ -546,7 +584,7 @@ def test_a_lone_free_body_falls():
     assert forces.numel() == 0
     twist = array(f.jacobian("body")(q)) @ array(base)
     R = array(f.pose("body")(q))[:3, :3]
-    np.testing.assert_allclose(twist, [0, 0, 0, *(R.T @ [0, 0, -9.81])], atol=1e-13)
+    np.testing.assert_allclose(twist, [0, 0, 0, *(R.T @ [0, 0, -9.81])], atol=1e-12)
 
 
 # Kinds of numbers, and derivatives
@@ -565,7 +603,7 @@ def all_terms(robot, q, qd, qdd, u):
     ]
 
 
-@pytest.mark.parametrize("case", [case for case in SMALL if case.shape == "bent"], ids=str)
+@pytest.mark.parametrize("case", [case for case in SMALL if case.shape == "bent" and case.name in DISTINCT], ids=str)
 def test_terms_are_the_same_as_DM_SX_and_MX(case):
     numbers = case.q, case.qd, case.qdd, case.u
     as_dm = all_terms(case.robot, *map(ca.DM, numbers))
@@ -581,32 +619,41 @@ def test_terms_are_the_same_as_DM_SX_and_MX(case):
         assert gap(sx, ca.densify(dm)) < 1e-11
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@cache
+def directional(name):
+    """(x, v) -> slope of tau along v, x = [q, qd, qdd]; (y, e) -> qdd, its slope and that of B u, y = [q, qd, u]."""
+    f = functions(name)
+    n, m = f.robot.n, f.robot.m
+    x, v = ca.SX.sym("x", 3 * n), ca.SX.sym("v", 3 * n)
+    along = ca.Function("along", [x, v], [ca.jtimes(f.inverse_dynamics.function(*ca.vertsplit(x, n)), x, v)])
+    y, e = ca.SX.sym("y", 2 * n + m), ca.SX.sym("e", 2 * n + m)
+    q, qd, u = y[:n], y[n : 2 * n], y[2 * n :]
+    qdd, pull = f.forward_dynamics.function(q, qd, u), f.actuation.function(q) @ u
+    return along, ca.Function("rates", [y, e], [qdd, ca.jtimes(qdd, y, e), ca.jtimes(pull, y, e)])
+
+
+@pytest.mark.parametrize("case", SMALL, ids=str)
 def test_slopes_of_inverse_and_forward_dynamics_are_their_differences(case):
-    """Along one direction that moves all arguments at once; straight rods have their own branch of the series."""
-    rng = np.random.default_rng(5)
-    n, scales = case.plain.n, np.array(case.plain.scales)
-    directions = [scales * rng.normal(size=n) for _ in range(3)]
-    directions_u = [*directions[:2], rng.normal(size=case.robot.m) * np.where(case.u > 10, 1e4, 1.0)]
-    for function, last, direction in (
-        (case.functions.inverse_dynamics, case.qdd, directions),
-        (case.functions.forward_dynamics, case.u, directions_u),
-    ):
-        at = case.q, case.qd, last
-        symbols = [ca.SX.sym(f"x{i}", len(x)) for i, x in enumerate(at)]
-        exact = ca.jtimes(function.function(*symbols), ca.vertcat(*symbols), ca.DM(np.concatenate(direction)))
-        value = array(ca.Function("slope", symbols, [exact])(*at))
+    """Along one direction that moves all arguments at once; straight rods have their own branch of the series.
 
-        def moved(t, function=function, at=at, direction=direction):
-            return function(*(x + t * d for x, d in zip(at, direction, strict=True)))
+    Those of the inverse by differences; those of the forward dynamics undo them: ID(q, qd, FD(q, qd, u)) = B u.
+    """
+    f, n, d = case.functions, case.plain.n, np.concatenate(case._rates[1:])
+    along, rates = directional(case.name)
+    x = np.concatenate([case.q, case.qd, case.qdd])
+    expected = case.scale * slope(lambda t: f.inverse_dynamics(*np.split(x + t * d, 3)))
+    level = np.abs(case.scale * array(f.inverse_dynamics(*np.split(x, 3)))).max()  # rounding of the differences
+    error = np.abs(case.scale * array(along(x, d)) - expected).max()
+    assert error < 1e-10 * np.abs(expected).max() + 1e-14 * level / H
 
-        weight = case.scale if function is case.functions.inverse_dynamics else 1 / case.scale
-        expected = weight * slope(moved)
-        level = np.abs(weight * array(moved(0))).max()  # rounding of the differences
-        assert np.abs(weight * value - expected).max() < 1e-9 * np.abs(expected).max() + 1e-13 * level / H
+    e = np.concatenate([d[: 2 * n], case.u / 3])
+    qdd, rate, pull = (array(part) for part in rates(np.concatenate([case.q, case.qd, case.u]), e))
+    left = array(along(np.concatenate([case.q, case.qd, qdd]), np.concatenate([d[: 2 * n], rate]))) - pull
+    size = np.abs(case.scale * (case.mass @ rate)).max() + np.abs(case.scale * (case.mass @ qdd)).max()
+    assert np.abs(case.scale * left).max() < 1e-10 * size
 
 
-@pytest.mark.parametrize("case", [c for c in SMALL if c.name in ("simo_reissner", "off_centre_hole", "crawler")], ids=str)
+@pytest.mark.parametrize("case", [c for c in SMALL if c.name in ("pre_curved_locked", "crawler")], ids=str)
 def test_jacobians_of_inverse_and_forward_dynamics_are_their_differences(case):
     """Column by column: no entry hides behind another one."""
     f = case.functions
@@ -648,51 +695,59 @@ PARAMETERS = [
     ("simo_reissner", "rod.material.viscosity", 500.0),
     ("general", "rod.cross_section.inertia", (2e-5, 3e-5, 4e-5, 0.4, 0.4, 0.4)),
     ("crawler", "drill.pitch", 0.02),
-    ("crawler", "piston.tip.position", (0.01, 0.02, 0.07)),
+    ("crawler", "ball.tip.position", (0.01, 0.02, 0.07)),
 ]
 
 
-@pytest.mark.parametrize("name, path, value", PARAMETERS, ids=[f"{n}-{p}" for n, p, _ in PARAMETERS])
-def test_a_parameter_moves_the_robot_as_a_rebuilt_one(name, path, value):
+def rebuilt(description, values):
+    for path, value in values.items():
+        keys = path.split(".")
+        description = changed(description, keys if keys[0] == "gravity" else ["segments", *keys], value)
+    return Robot(description).functions()
+
+
+@pytest.mark.parametrize("name", sorted({name for name, _, _ in PARAMETERS}))
+def test_parameters_move_the_robot_as_a_rebuilt_one(name):
     case = Moving(name, "bent")
-    parametric = Functions(Robot(case.description), [path])
-    keys = path.split(".")
-    keys = keys if keys[0] == "gravity" else ["segments", *keys]
-    rebuilt = Robot(changed(case.description, keys, value)).functions()
-    names = ["inverse_dynamics", "forward_dynamics", "mass", "coriolis", "momentum", "energy"]
-    arguments = {"inverse_dynamics": (case.q, case.qd, case.qdd), "forward_dynamics": (case.q, case.qd, case.u)}
-    arguments["mass"] = (case.q,)
-    if name != "simo_reissner" and name != "general":
-        names.append("floating_inverse_dynamics")
-        arguments["floating_inverse_dynamics"] = (case.q, case.qd, case.qdd[6:])
-    changes = 0
-    for term in names:
-        at = arguments.get(term, (case.q, case.qd))
-        default, other = getattr(case.functions, term)(*at), getattr(rebuilt, term)(*at)
-        ours, there = (getattr(parametric, term)(*at, p) for p in (parametric.defaults, np.ravel(value)))
-        for a, b in ((ours, default), (there, other)):
-            for x, y in zip(parts(a), parts(b), strict=True):
-                assert gap(x, y) < 1e-11, term
-        changes += gap(parts(other)[0], parts(default)[0]) > 1e-4
-    assert changes > 0
+    values = {path: value for of, path, value in PARAMETERS if of == name}
+    parametric = Functions(Robot(case.description), list(values))
+    other, p = rebuilt(case.description, values), np.concatenate([np.ravel(v) for v in values.values()])
+    q, qd, qdd, u = case.q, case.qd, case.qdd, case.u
+    terms = {
+        "inverse_dynamics": (q, qd, qdd), "forward_dynamics": (q, qd, u), "mass": (q,), "coriolis": (q, qd),
+        "momentum": (q, qd), "energy": (q, qd),
+    }  # fmt: skip
+    if name in ("floater", "crawler"):
+        terms["floating_inverse_dynamics"] = q, qd, qdd[6:]
+    for term, at in terms.items():
+        for of, numbers in ((case.functions, parametric.defaults), (other, p)):
+            answers = getattr(parametric, term)(*at, numbers), getattr(of, term)(*at)
+            for ours, expected in zip(*map(parts, answers), strict=True):
+                assert gap(ours, expected) < 1e-11, term
+    start = 0
+    for path, value in values.items():  # each of them matters
+        one = parametric.defaults.copy()
+        one[start : start + np.size(value)] = np.ravel(value)
+        start += np.size(value)
+        ours = parametric.inverse_dynamics(q, qd, qdd, one)
+        assert gap(ours, case.functions.inverse_dynamics(q, qd, qdd)) > 1e-6, path
 
 
 def parts(answer):
     return answer if isinstance(answer, (tuple, list)) else [answer]
 
 
-@pytest.mark.parametrize("path", ["tail.material.density", "hub.body.mass", "tail.length"])
-def test_slopes_by_parameters_are_differences_of_rebuilt_robots(path):
+@pytest.mark.parametrize("path", ["tail.length"])
+def test_the_slope_by_a_parameter_is_the_difference_of_rebuilt_robots(path):
     case = Moving("floater", "bent")
     f = Functions(Robot(case.description), [path])
     p, q = ca.SX.sym("p", 1), ca.DM(case.q)
     at = q, ca.DM(case.qd), ca.DM(case.u)
     exact = ca.Function("slope", [p], [ca.jacobian(f.forward_dynamics.function(*at, p), p)])(f.defaults)
 
-    def rebuilt(t):
-        value = reshaped(f.defaults * (1 + t), 0.0)
-        return Robot(changed(case.description, ["segments", *path.split(".")], value)).functions().forward_dynamics(*at)
+    def other(t):
+        return rebuilt(case.description, {path: float(f.defaults[0] * (1 + t))}).forward_dynamics(*at)
 
     h = 0.01
-    expected = sum(c * array(rebuilt(k * h) - rebuilt(-k * h)) for k, c in {1: 2 / 3, 2: -1 / 12}.items()) / h
+    expected = sum(c * array(other(k * h) - other(-k * h)) for k, c in {1: 2 / 3, 2: -1 / 12}.items()) / h
     assert gap(array(exact) * f.defaults, expected) < 1e-6

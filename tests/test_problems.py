@@ -42,7 +42,17 @@ ROWS = {  # of the joint table; three distributed rows have their problem among 
     "distributed": ["linear_spring", "planar_constant_curvature", "constant_curvature", "simo_reissner"],
     "shown": ["inextensible_constant_curvature", "inextensible_kirchhoff_love", "kirchhoff_love"],
 }
-DOCUMENTED = [*SHOWCASE, *(f"rows/{row}" for row in ROWS["lumped"] + ROWS["distributed"])]
+MOTIONS = [
+    "flying_rod",
+    "gripper_finger_close",
+    "hybrid_arm_drop",
+    "lophotricus_sink",
+    "lophotricus_straight",
+    "octopus_arm_release",
+    "octopus_bend_propagation",
+    "octopus_three_motors",
+]
+DOCUMENTED = [*SHOWCASE, *MOTIONS, *(f"rows/{row}" for row in ROWS["lumped"] + ROWS["distributed"])]
 UNITS = {"Pa": 1.0, "kPa": 1e3, "m": 1.0, "mm": 1e-3, "N": 1.0, "rad": 1.0, "deg": pi / 180}
 
 

@@ -122,12 +122,13 @@ def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.", show_d
 def plot(
     result: Annotated[Path, typer.Argument(help="A result folder.", show_default=False)],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for the figures.")] = None,
+    gif: Annotated[bool, typer.Option("--gif", help="Write motion.gif of a simulation, and no figures.")] = False,
     verbose: Verbose = 0,
 ):
-    """Draw the figures of a result again."""
+    """Draw the figures of a result again, or its motion."""
     from socontrol.cli.plot import draw_again
 
-    return draw_again(result, output or result)
+    return draw_again(result, output or result, gif)
 
 
 @app.command()

@@ -15,7 +15,7 @@ from socontrol.model.joints import Free
 
 def base_piece(tree):
     """The free joint that carries the whole robot; raises ValueError where there is none."""
-    roots = [piece for piece in tree.pieces if piece.parent is None]
+    roots = [piece for piece in tree.pieces if piece.parent is None or (piece.parent == 0 and piece.place == 0)]
     if len(roots) != 1 or not isinstance(roots[0].record, Free):
         names = ", ".join(piece.segment for piece in roots)
         raise ValueError(f"a floating base is one joint of type 'free' that carries all others; here: {names}")

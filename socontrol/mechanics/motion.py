@@ -7,6 +7,7 @@ Source: F. Renda, L. Seneviratne, ICRA 2018; R. Featherstone, "Rigid Body Dynami
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -134,15 +135,35 @@ def is_identity(g):
 
 
 def shielded(compute):
-    """`compute`, as one SX Function where it is called with MX: many small operations become one node."""
+    """`compute`, as one SX Function where it is called with MX: many small operations become one node.
+
+    Functions without a closure are made once for each pattern of arguments, so that all sections share them.
+    """
 
     def call(*args):
         if not any(isinstance(a, ca.MX) for a in args):
             return compute(*args)
-        symbols = [ca.SX.sym(f"x{k}", a.sparsity()) for k, a in enumerate(args)]
-        results = compute(*symbols)
-        several = isinstance(results, tuple)
-        function = ca.Function("glue", symbols, [ca.SX(r) for r in (results if several else (results,))])
-        return function(*args)
+        patterns = tuple(_pattern(a) for a in args)
+        make = _glue if compute.__closure__ is None else _glue.__wrapped__
+        return make(compute, patterns)(*args)
 
     return call
+
+
+def _pattern(argument):
+    """Size and nonzeros of an argument, as a key."""
+    sparsity = argument.sparsity()
+    return (*argument.shape, tuple(sparsity.colind()), tuple(sparsity.row()))
+
+
+@lru_cache(maxsize=1024)
+def _glue(compute, patterns):
+    symbols = [ca.SX.sym(f"x{k}", ca.Sparsity(*map(_listed, pattern))) for k, pattern in enumerate(patterns)]
+    results = compute(*symbols)
+    results = results if isinstance(results, tuple) else (results,)
+    name = compute.__name__.strip("_<>") or "glue"
+    return ca.Function(name, symbols, [ca.SX(r) for r in results])
+
+
+def _listed(entry):
+    return list(entry) if isinstance(entry, tuple) else entry

@@ -249,11 +249,12 @@ class Robot:
                 rows.append((f"{piece.segment}.{piece.index}", piece.columns, slope, offset.ravel()))
         return rows
 
-    def functions(self, parameters=()):
-        """Named CasADi Functions of this robot; `parameters`: paths of values that become a trailing argument."""
+    def functions(self, parameters=(), chained=False):
+        """Named CasADi Functions of this robot; `parameters`: paths of values that become a trailing argument;
+        `chained`: dynamics as one call a section."""
         from socontrol.mechanics.functions import Functions
 
-        return Functions(self, tuple(parameters))
+        return Functions(self, tuple(parameters), chained)
 
 
 def _refuse_name(path, name):

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import casadi as ca
 
-from socontrol.quantities import Bad, Length, Number, Unit, record
+from socontrol.quantities import Bad, Length, Number, Unit, is_symbolic, record
 
 Coefficient = Annotated[float, Unit("1", lower=0)]
 PerLength = Annotated[float, Unit("Pa s", lower=0)]
@@ -44,17 +44,19 @@ class Spheroid:
     across: Length
 
     def added(self, water):
-        """Added inertia [3, kg m^2] and mass [3, kg] about the centre.
+        """Added inertia [3, kg m^2] and mass [3, kg] about the centre; raises ValueError for axes that are symbols.
 
         alpha = 2 b^2 int_0^1 t^2 / (a^2 + (b^2 - a^2) t^2) dt, alpha + 2 beta = 2.
         """
         a, b = self.along, self.across
+        if is_symbolic(a) or is_symbolic(b):
+            raise ValueError("the half axes of a spheroid must be numbers: which formula holds depends on them")
         mass, alpha = 4 / 3 * pi * water * a * b**2, _alpha(a, b)
         beta = 1 - alpha / 2
         turning = 2 * (a**2 - b**2) + (a**2 + b**2) * (alpha - beta)
         spin = mass / 5 * (a**2 - b**2) ** 2 * (beta - alpha) / turning if abs(a - b) > 1e-9 * a else 0.0
         side = mass * beta / (2 - beta)
-        return ca.DM([0, spin, spin]), ca.DM([mass * alpha / (2 - alpha), side, side])
+        return ca.vertcat(0, spin, spin), ca.vertcat(mass * alpha / (2 - alpha), side, side)
 
 
 def _alpha(a, b):

@@ -202,6 +202,10 @@ class General:
             for index, value in enumerate(getattr(self, key)):
                 if not is_symbolic(value) and value <= 0:
                     raise Bad(f"{key}.{index}", f"{value:g} is not positive")
+        masses = self.inertia[3:]
+        if not any(map(is_symbolic, masses)) and any(m != masses[0] for m in masses):
+            given = ", ".join(f"{m:g}" for m in masses)
+            raise Bad("inertia", f"a metre has one mass; the last three numbers are {given}")
 
     def outline(self):
         return [("circle", self.radius)]

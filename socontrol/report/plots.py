@@ -1,4 +1,4 @@
-"""Figures of a result as PNG files: the robot in space, inputs and their limits, track of a path, strains."""
+"""Figures of a result as PNG files: the robot in space, inputs and their limits, track of a path, strains, motions."""
 
 from pathlib import Path
 
@@ -7,6 +7,9 @@ import numpy as np
 from socontrol.programs import goals
 from socontrol.report import shapes, style
 from socontrol.report.fits import fit_figure
+from socontrol.report.motion_coordinates import coordinates_figure
+from socontrol.report.motion_curves import energies_figure, histories_figure
+from socontrol.report.motion_shapes import shapes_figure
 from socontrol.report.portrait import robot_figure
 from socontrol.report.units import fixed, readable
 
@@ -44,7 +47,7 @@ def _inputs(result):
     """Values [k x m] of all waypoints, or [1 x m]; None without inputs or without numbers."""
     u = result.arrays.get("path.u")
     u = result.arrays.get("u") if u is None or not len(u) else u
-    if u is None or result.question.robot.m == 0 or not np.all(np.isfinite(u)):
+    if u is None or result.type == "simulation" or result.question.robot.m == 0 or not np.all(np.isfinite(u)):
         return None
     return np.atleast_2d(u)
 
@@ -257,7 +260,7 @@ def _misses(ax, misses):
 def strains_figure(result):
     """Strains of all rods against arc length, section by section; None without rods."""
     q, robot = result.arrays.get("q"), result.question.robot
-    if q is None or not np.all(np.isfinite(q)):
+    if q is None or np.ndim(q) > 1 or not np.all(np.isfinite(q)):
         return None
     rows = shapes.strain_rows(robot, q)
     zero = _zero(rows)
@@ -338,4 +341,8 @@ FIGURES = {
     "path": path_figure,
     "strains": strains_figure,
     "fit": fit_figure,
+    "shapes": shapes_figure,
+    "coordinates": coordinates_figure,
+    "energies": energies_figure,
+    "histories": histories_figure,
 }

@@ -17,12 +17,12 @@ DRAWN = 260  # points, about the size of the drawing in space
 def robot_figure(result):
     """Figure in space with two projections; None without numbers to draw."""
     question, q = result.question, result.arrays.get("q")
-    if q is None or not np.all(np.isfinite(q)):
+    if q is None or np.ndim(q) > 1 or not np.all(np.isfinite(q)):
         return None
     posed = shapes.Posed(question.loaded, q)
     scene = Scene(up=_up(question.robot))
     _add_before(scene, result, posed)
-    _add_robot(scene, posed, style.SOFT, 2)
+    add_robot(scene, posed, style.SOFT, 2)
     scale = _add_inputs(scene, result, posed)
     size = _size(scene)
     legend = _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
@@ -42,11 +42,11 @@ def _size(scene):
     return float(np.max(upper - lower))
 
 
-def _add_robot(scene, posed, colour, layer, pale=False):
-    """Skins of rods, links and joints, and a plate where the robot stands."""
+def add_robot(scene, posed, colour, layer, pale=False, corners=None):
+    """Skins of rods, links and joints, and a plate where the robot stands; `pale`: all in one colour, no plate."""
     for name, segment in posed.robot.tree.segments.items():
         if isinstance(segment, Rod):
-            scene.skin(shapes.rod_skin(posed, name), colour, layer)
+            scene.skin(shapes.rod_skin(posed, name, corners), colour, layer)
             for skin in shapes.mount(posed, posed.robot.tree.of[name][0], posed.slim):
                 scene.skin(skin, colour if pale else style.LINK, layer)
         else:
@@ -54,10 +54,11 @@ def _add_robot(scene, posed, colour, layer, pale=False):
                 tint = {"link": style.LINK, "joint": style.JOINT}[part]
                 scene.skin(skin, colour if pale else tint, layer)
     if not pale:
-        _add_plates(scene, posed, layer)
+        add_plates(scene, posed, layer)
 
 
-def _add_plates(scene, posed, layer):
+def add_plates(scene, posed, layer):
+    """A plate under every piece that stands in the world."""
     for i, piece in enumerate(posed.pieces):
         if piece.parent is None and (piece.is_rod or piece.size < 6):
             g = posed.bases[i]
@@ -75,13 +76,13 @@ def _add_before(scene, result, posed):
         last = len(path) - 1
         steps = np.unique(np.round(np.linspace(0, last, POSES + 1)).astype(int))[:-1]
         for k in steps:
-            _add_robot(scene, shapes.Posed(robot, path[k]), style.GHOST, 1, pale=True)
+            add_robot(scene, shapes.Posed(robot, path[k]), style.GHOST, 1, pale=True)
         return
     q = shapes.unloaded(robot)
     for name, value in (result.question.coordinates or {}).items():
         k = robot.coordinates.index(name)
         q[k] = posed.q[k] if value is not None else q[k]
-    _add_robot(scene, shapes.Posed(robot, q), style.GHOST, 1, pale=True)
+    add_robot(scene, shapes.Posed(robot, q), style.GHOST, 1, pale=True)
 
 
 def _add_inputs(scene, result, posed):

@@ -126,7 +126,7 @@ def paint(ax, scene, azimuth=-60.0, elevation=18.0, zoom=1.0):
     ax.view_init(elevation * sign, azimuth, 0 if sign > 0 else 180, vertical_axis=AXES[axis])
     ax.computed_zorder = False
     toward = viewer(ax)
-    for polygons, colours, layer in _shaded(scene, toward):
+    for polygons, colours, layer in shaded(scene, toward):
         ax.add_collection3d(
             Poly3DCollection(
                 polygons,
@@ -276,7 +276,7 @@ def project(ax, scene, plane):
     k = 3 - i - j
     toward = np.eye(3)[k] * np.linalg.det(np.eye(3)[[i, j, k]]) * (-1 if flip else 1)
     lower, upper = (b / scene.unit[0] for b in scene.box())
-    for polygons, colours, layer in _shaded(scene, toward):
+    for polygons, colours, layer in shaded(scene, toward):
         order = np.argsort(polygons.mean(1) @ toward)
         flat, colours = polygons[order][:, :, [i, j]], colours[order]
         ax.add_collection(PolyCollection(flat, facecolors=colours, edgecolors=colours, lw=0.3, zorder=layer))
@@ -310,7 +310,7 @@ def planes(scene):
 # Light
 
 
-def _shaded(scene, toward):
+def shaded(scene, toward):
     """(polygons, colours, layer) by layer, in the scene's unit; light falls over the viewer's shoulder."""
     from matplotlib.colors import to_rgb
 

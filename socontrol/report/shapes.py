@@ -70,7 +70,7 @@ class Posed:
 def exponential(xi):
     """exp(xi) [4 x 4] of a twist [angular; linear], by Rodrigues' formula; a series below 1e-2 rad."""
     w, v = xi[:3], xi[3:]
-    t, W = np.linalg.norm(w), np.cross(np.eye(3), w)
+    t, W = np.sqrt(w @ w), np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
     if t > 1e-2:
         a, b, c = np.sin(t) / t, 2 * (np.sin(t / 2) / t) ** 2, (t - np.sin(t)) / t**3
     else:
@@ -152,11 +152,11 @@ def ball(centre, radius):
     return sweep(frames, [max(np.sin(a), 1e-6) * ring for a in angles])
 
 
-def rod_skin(posed, segment):
+def rod_skin(posed, segment, corners=None):
     """Skin of a rod, its outline swept and tapered."""
     X, frames = posed.rod(segment)
     profile = posed.robot.tree.segments[segment].cross_section
-    return sweep(frames, [outline(section_at(profile, x)) for x in X])
+    return sweep(frames, [outline(section_at(profile, x), corners or CORNERS) for x in X])
 
 
 def mount(posed, i, radius):

@@ -1,21 +1,21 @@
 """A result in words: what came out, how far it can be trusted, and what to do when it failed."""
 
-import textwrap
-
 import numpy as np
 from rich.text import Text
 
-from socontrol.report import fits
+from socontrol.report import fits, motion_text
 from socontrol.report.columns import columns, line, say
+from socontrol.report.inputs_text import input_values, inputs_table
+from socontrol.report.said import duration, headline, in_units, segments_of, tips_of
 from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
-
-TITLES = {"statics": "statics", "inverse_statics": "inverse statics", "fit": "fit to measurements"}
-BAR = 10  # characters
 
 
 def render(result, console, verbose=0):
     """Print a result; `verbose` 1 adds lengths, energies, all frames and attempts, 2 the coordinates."""
-    _headline(result, console)
+    if result.type == "simulation":
+        motion_text.render(result, console, verbose)
+        return
+    headline(result, console)
     if result.details.get("fits"):
         fits.render(result, console, verbose)
         return
@@ -27,7 +27,7 @@ def render(result, console, verbose=0):
     on_path = "path.q" in result.arrays
     if on_path:
         _path(result, console)
-    _inputs(result, console, on_path)
+    inputs_table(result, console, on_path)
     _frames(result, console, verbose, on_path)
     _joints(result, console)
     _goals(result, console, on_path)
@@ -38,120 +38,9 @@ def render(result, console, verbose=0):
         _more(result, console, verbose)
 
 
-def _headline(result, console):
-    tone = "bold green" if result.status.solved else "bold red"
-    message = result.status.message
-    if result.details.get("unreachable"):
-        message = message.partition(". ")[0].rstrip(".") + "."  # the table below says the rest
-    for k, part in enumerate(textwrap.wrap(f"{result.name}: {message}", console.width, break_long_words=False)):
-        text = Text(part, style=tone)
-        if k == 0 and part.startswith(f"{result.name}:"):
-            text.stylize("default", 0, len(result.name) + 1)
-        line(console, text)
-    count, seconds = result.solver.get("iterations"), result.solver.get("seconds")
-    facts = [TITLES.get(result.type, result.type)]
-    facts += [f"{count} iteration{'s' * (count != 1)}"] if count is not None else []
-    facts += [_seconds(seconds)] if seconds is not None else []
-    line(console, Text(", ".join(facts), style="dim"))
-    line(console, "")
-
-
-def _seconds(t):
-    return f"{t * 1e3:.3g} ms" if t < 1 else f"{t:.3g} s"
-
-
-def _limits(result):
-    """(lower [m], upper [m]) in SI: the question's; the robot knows none without it."""
-    if result.question is None:
-        return None
-    return result.question.input_limits()
-
-
-def _input_values(result):
-    """[(name, SI value, unit)]."""
-    return [
-        (key.removeprefix("inputs."), v.value, v.unit) for key, v in result.values.items() if key.startswith("inputs.")
-    ]
-
-
-def _inputs(result, console, on_path):
-    values = _input_values(result)
-    if not values:
-        return
-    lower, upper = _limits(result) or ([-np.inf] * len(values), [np.inf] * len(values))
-    path = np.asarray(result.arrays.get("path.u", ()))
-    ranges = on_path and len(path)
-    scales, rows = _scales(values, lower, upper), []
-    for k, (name, value, unit) in enumerate(values):
-        one, shown = readable(unit, scales[unit])
-        low, high = (path[:, k].min(), path[:, k].max()) if ranges else (value, value)
-        numbers = [fixed(x / one, scales[unit] / one) for x in ((low, high) if ranges else (value,))]
-        rows.append(
-            [
-                (name, "bold"),
-                *numbers,
-                shown,
-                _span(lower[k], upper[k], one, shown),
-                _bar(console, low, high, lower[k], upper[k]),
-            ]
-        )
-    columns(console, ["input", *(["from>", "to>"] if ranges else ["value>"]), "", "limits", ""], rows)
-
-
-def _scales(rows, lower, upper):
-    """Largest value or limit of all inputs of a unit, so that they read in one unit."""
-    scales = {}
-    for (_, value, unit), *ends in zip(rows, lower, upper, strict=True):
-        finite = [abs(x) for x in (value, *ends) if np.isfinite(x)]
-        scales[unit] = max(scales.get(unit, 0.0), *finite)
-    return scales
-
-
-def _span(lower, upper, one, unit):
-    low, high = (number(x / one) for x in (lower, upper))
-    if np.isfinite(lower) and np.isfinite(upper):
-        return f"{low} to {high} {unit}"
-    if np.isfinite(upper):
-        return f"at most {high} {unit}"
-    return f"at least {low} {unit}" if np.isfinite(lower) else "none"
-
-
-def _bar(console, low, high, lower, upper):
-    """Where the value (or its range) stands between its limits: a bar, and its share of the limit."""
-    if not np.isfinite(upper - lower) or upper <= lower:
-        return ""
-    full, empty = ("#", ".") if console.options.ascii_only else ("\u2588", "\u2591")
-    signed = lower < 0 < upper
-    shares = [(x / upper if x >= 0 else -x / lower) if signed else (x - lower) / (upper - lower) for x in (low, high)]
-    percent = " to ".join(dict.fromkeys(f"{100 * s:.0f}".replace("-0", "0") for s in shares))
-    if signed:
-        half = BAR // 2
-        left, right = (int(round(half * max(0.0, s))) for s in (-shares[0], shares[1]))
-        bar = empty * (half - left) + full * left + "|" + full * right + empty * (half - right)
-    else:
-        first, last = (int(round(BAR * float(np.clip(s, 0, 1)))) for s in shares)
-        first = 0 if low == high else min(first, BAR - 1)
-        last = last if low == high else max(last, first + 1)
-        bar = empty * first + full * (last - first) + empty * (BAR - last)
-    return f"{bar} {percent} %"
-
-
-def _segments(result):
-    return [key.removesuffix(".position") for key in result.values if key.endswith(".position")]
-
-
-def _tips(result):
-    """Segments that carry nothing; the last one when the question is not at hand."""
-    names = _segments(result)
-    if result.question is None:
-        return names[-1:]
-    carried = {segment.parent for segment in result.question.robot.description.segments.values()}
-    return [name for name in names if name not in carried]
-
-
 def _frames(result, console, verbose, on_path):
-    told = {*_tips(result), *(g.on for g in (getattr(result.question, "goals", None) or {}).values())}
-    names = [name for name in _segments(result) if verbose or name in told]
+    told = {*tips_of(result), *(g.on for g in (getattr(result.question, "goals", None) or {}).values())}
+    names = [name for name in segments_of(result) if verbose or name in told]
     if not names:
         return
     one, unit = readable("m", *(x for n in names for x in result[f"{n}.position"]))
@@ -182,19 +71,8 @@ def _joints(result, console):
     found = {k.removeprefix("coordinates."): v for k, v in result.values.items() if k.startswith("coordinates.")}
     if not found:
         return
-    shown = _shown(found, 5)
+    shown = in_units(found, 5)
     columns(console, ["joint", "value>", ""], [[(name, "bold"), *shown[name]] for name in found])
-
-
-def _shown(values, digits=4):
-    """{name: [number, unit]} of scalar Values; those of a unit share its reading, and noise beside the largest is 0."""
-    shown = {}
-    for unit in dict.fromkeys(v.unit for v in values.values()):
-        names = [name for name, v in values.items() if v.unit == unit]
-        numbers = quiet([values[name].value for name in names])
-        one, name_of_unit = readable(unit, *numbers)
-        shown |= {name: [number(x / one, digits), name_of_unit] for name, x in zip(names, numbers, strict=True)}
-    return shown
 
 
 def _goals(result, console, on_path):
@@ -247,7 +125,7 @@ def _limit(result, limit):
 
 def _unit_of(result, limit):
     if limit["kind"] == "input":
-        return next((unit for name, _, unit in _input_values(result) if name == limit["name"]), "1")
+        return next((unit for name, _, unit in input_values(result) if name == limit["name"]), "1")
     return "1" if result.question is None else result.question.robot.coordinate_units[limit["index"]]
 
 
@@ -261,7 +139,7 @@ def _discretisation(result, console):
             "bold yellow",
         )
     elif changes:
-        tips = [name for name in _tips(result) if name in changes] or list(changes)
+        tips = [name for name in tips_of(result) if name in changes] or list(changes)
         moved = ", ".join(f"{name} by {miss(changes[name], 'm')}" for name in tips)
         say(console, "sections", f"twice as many would move {moved}")
 
@@ -285,7 +163,7 @@ def _attempts(result, console, attempts, verbose):
                 _field(a, "start"),
                 _field(a, "outcome"),
                 str(_field(a, "iterations")),
-                _seconds(_field(a, "seconds")),
+                duration(_field(a, "seconds")),
             ]
             for a in attempts
         ]
@@ -332,7 +210,7 @@ def _prescribed(result, console):
         return
     rows = [
         [(name, "bold"), " ".join((x, "(SI, strain's conjugate)" if unit == "conjugate" else unit)).rstrip()]
-        for name, (x, unit) in _shown(holding).items()
+        for name, (x, unit) in in_units(holding).items()
     ]
     columns(console, ["held coordinate", "holding force"], rows)
 
@@ -368,7 +246,7 @@ def _components(result, parameter, count):
 def _more(result, console, verbose):
     lengths = {k.removeprefix("lengths."): v for k, v in result.values.items() if k.startswith("lengths.")}
     if lengths:
-        shown, counts = _shown(lengths, 6), _line_counts(result)
+        shown, counts = in_units(lengths, 6), _line_counts(result)
         rows = [
             [(name, "bold"), *shown[name], f"sum of {counts[name]} lines" if counts.get(name, 1) > 1 else ""]
             for name in lengths
@@ -376,7 +254,7 @@ def _more(result, console, verbose):
         columns(console, ["line or joint", "length>", "", ""], rows)
     energies = {k.removeprefix("energy."): v for k, v in result.values.items() if k.startswith("energy.")}
     if energies:
-        rows = _shown(energies).items()
+        rows = in_units(energies).items()
         say(console, "energy", ", ".join(f"{k} {x} {unit}" for k, (x, unit) in rows))
         line(console, "")
     if verbose > 1 and result.question is not None:

@@ -14,6 +14,7 @@ READABLE = {  # SI unit: (largest value shown in it, value of one in SI, name), 
 SMALL = {  # SI unit of a miss: (value of one in SI, name), from large to small
     "m": ((1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"), (1e-12, "pm")),
     "rad": ((pi / 180, "deg"), (pi / 180e3, "mdeg"), (pi / 180e6, "udeg")),
+    "J": ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ"), (1e-9, "nJ"), (1e-12, "pJ"), (1e-15, "fJ")),
     "1": ((1.0, ""),),
 }
 

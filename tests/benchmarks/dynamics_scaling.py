@@ -3,13 +3,14 @@
     python tests/benchmarks/dynamics_scaling.py [FIGURE]        (default problems/gallery/dynamics_scaling.png)
 
 The reference rod with 2 to 32 sections, six strains each. Size: instructions of the SX Function. Build: from a robot's
-description to the Function, with the one kernel that all sections share made before. Evaluation: one call in CasADi's virtual machine through `Function.buffer()`. Exponents are
-slopes of log against log by least squares. Times are CPU times of this process, which a busy machine disturbs less
-than it does the clock on the wall.
+description to the Function, with the one kernel that all sections share made before. Evaluation: one call in CasADi's
+virtual machine through `Function.buffer()`. Exponents are slopes of log against log by least squares. Times are CPU
+times of this process, which a busy machine disturbs less than it does the clock on the wall.
 """
 
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 import casadi as ca
@@ -49,6 +50,7 @@ def clocked(run, least=2e-3):
         count *= 2 if spent <= 0 else max(2, int(1.2 * least / spent))
 
 
+@cache  # takes seconds to build
 def calibration_run():
     """A call of 1e5 SX multiply-adds, each of which waits for the one before."""
     x = ca.SX.sym("x")
@@ -58,9 +60,9 @@ def calibration_run():
     return buffered(ca.Function("f", [x], [y]), [np.array([0.5])])[0]
 
 
-def calibration(run=None):
+def calibration():
     """Nanoseconds an SX multiply-add takes in the VM today."""
-    return clocked(run or calibration_run()) / 1e5 * 1e9
+    return clocked(calibration_run()) / 1e5 * 1e9
 
 
 def state(robot, seed=0):
@@ -85,7 +87,7 @@ def buffered(function, values):
     keep.set_res(0, memoryview(result.T))
     run()
 
-    def call(run=run, memory=(keep, values, result)):  # CasADi holds pointers only: the default keeps what they point to
+    def call(run=run, memory=(keep, values, result)):  # CasADi holds pointers only: kept alive here
         run()
 
     return call, result
@@ -112,9 +114,9 @@ def measured():
             runs[name, n], result = buffered(function, arguments(robot, name))
             assert np.all(np.isfinite(result))
     rounds = {key: [] for key in runs}
-    calibrate, calibrations = calibration_run(), []
+    calibrations = []
     for _ in range(ROUNDS):
-        calibrations.append(calibration(calibrate))
+        calibrations.append(calibration())
         for key, run in runs.items():
             rounds[key].append(clocked(run))
     rows = {
@@ -135,13 +137,13 @@ def main(path=FIGURE):
         built(reference_rod.robot(2), name)
     rows, ns = measured()
     print(f"median of {ROUNDS} rounds, CPU time; calibration {ns:.2f} ns an instruction (prototype 2.5 to 4)")
-    print(f"{'':18s}{'sections':>9s}{'instructions':>14s}{'build ms':>10s}{'evaluation us':>15s}{'ns/instruction':>16s}")
+    print(f"{'':18s}{'sections':>9s}{'instructions':>14s}{'build ms':>10s}{'evaluation us':>15s}{'ns each':>9s}")
     slopes = {}
     for name in NAMES:
         for n, (size, build, evaluation) in zip(SECTIONS, rows[name], strict=True):
             print(
                 f"{name.replace('_', ' '):18s}{n:9d}{size:14.0f}{build * 1e3:10.0f}{evaluation * 1e6:15.1f}"
-                f"{evaluation * 1e9 / size:16.2f}"
+                f"{evaluation * 1e9 / size:9.2f}"
             )
         slopes[name] = exponents(rows[name])
         print(f"{'':18s}{'exponent':>9s}{slopes[name][0]:14.2f}{slopes[name][1]:10.2f}{slopes[name][2]:15.2f}")

@@ -1,15 +1,22 @@
-"""Speeds of statics, on one core: `pytest tests/benchmarks/test_speed.py -p no:xdist --benchmark-only`.
+"""Speeds of statics and dynamics, on one core: `pytest tests/benchmarks/test_speed.py -p no:xdist --benchmark-only`.
 
 Figures in parentheses are the goals of this project or a peer's published one; nothing here fails on time.
 """
 
 import time
 
-import casadi as ca
 import numpy as np
 import pytest
 import reach
 import reference_rod
+from dynamics_scaling import (
+    PROTOTYPE_INSTRUCTIONS,
+    PROTOTYPE_NS,
+    PROTOTYPE_US,
+    arguments,
+    buffered,
+    calibration,
+)
 
 from socontrol.mechanics.loads import Wrench
 from socontrol.mechanics.robot import Description, Robot
@@ -24,20 +31,6 @@ def two_modules():
     rows = np.loadtxt(reach.GOALS, delimiter=",")[:50]
     solver.find({"target.tip": rows[0, -3:]})
     return solver, pose, rows[:, -3:]
-
-
-def calibration():
-    """Nanoseconds an SX multiply-add takes in the VM today (2.5-4 on the prototype's machine)."""
-    x = ca.SX.sym("x")
-    y = x
-    for _ in range(50_000):
-        y = y * x + x
-    f = ca.Function("f", [x], [y])
-    f(0.5)
-    began = time.perf_counter()
-    for _ in range(20):
-        f(0.5)
-    return (time.perf_counter() - began) / 20 / 1e5 * 1e9
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -111,3 +104,47 @@ def test_static_residual_and_jacobian(benchmark, sections):
     benchmark.extra_info["prototype_us"] = reference_rod.PROTOTYPE_US[sections]
     benchmark.extra_info["instructions"] = balance.function.n_instructions()
     benchmark(balance._run)
+
+
+@pytest.fixture(scope="module")
+def dynamics_table(request):
+    """Collects (name, sections, instructions, seconds, calibration ns), and prints them at the end."""
+    rows = []
+    yield rows
+    if not rows:
+        return
+    capture = request.config.pluginmanager.getplugin("capturemanager")
+    with capture.global_and_fixture_disabled():  # a table is for reading, not for failures only
+        heads = f"{'N':>4s}{'instructions':>14s}{'prototype':>11s}{'us':>9s}{'prototype':>11s}"
+        print(f"\n\n{'dynamics in the VM':18s}{heads}{'us / ns':>9s}{'prototype':>17s}{'ns today':>10s}")
+        for row in rows:
+            print(_line(*row))
+        low, high = PROTOTYPE_NS
+        print(f"us / ns: time over calibration, in thousands of its instructions; prototype: {low:g} to {high:g} ns")
+
+
+def _line(name, sections, instructions, seconds, ns):
+    us, size = PROTOTYPE_US[name][sections], PROTOTYPE_INSTRUCTIONS.get(name, {}).get(sections, "-")
+    relative = f"{us / PROTOTYPE_NS[1]:.1f} to {us / PROTOTYPE_NS[0]:.1f}"
+    return (
+        f"{name.replace('_', ' '):18s}{sections:4d}{instructions:14d}{size:>11}{seconds * 1e6:9.1f}{us:11d}"
+        f"{seconds * 1e6 / ns:9.1f}{relative:>17s}{ns:10.2f}"
+    )
+
+
+@pytest.mark.benchmark(timer=time.process_time)  # as the calibration: other work on the machine does not count
+@pytest.mark.parametrize("sections", (1, 2, 4, 8, 16))
+@pytest.mark.parametrize("name", PROTOTYPE_US)
+def test_dynamics(benchmark, dynamics_table, name, sections):
+    """One call in the VM (at most 1.1 of the prototype's time at equal calibration, and its instructions)."""
+    robot = reference_rod.robot(sections)
+    function = getattr(robot.functions(), name).function
+    run, result = buffered(function, arguments(robot, name))
+    assert np.all(np.isfinite(result))
+    before = calibration()
+    benchmark.pedantic(run, rounds=15, iterations=max(1, 400_000 // function.n_instructions()), warmup_rounds=2)
+    ns = (before + calibration()) / 2  # of the same moment: the load of a shared machine comes and goes
+    benchmark.extra_info |= {"instructions": function.n_instructions(), "calibration_ns": ns}
+    benchmark.extra_info["prototype_us"] = PROTOTYPE_US[name][sections]
+    if benchmark.stats:  # none under --benchmark-disable
+        dynamics_table.append((name, sections, function.n_instructions(), benchmark.stats.stats.median, ns))

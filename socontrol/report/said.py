@@ -1,0 +1,66 @@
+"""What all printed answers share: the first sentence, ends worth a row, numbers of one unit side by side."""
+
+import textwrap
+
+from rich.text import Text
+
+from socontrol.report.columns import line
+from socontrol.report.units import number, quiet, readable
+
+TITLES = {"statics": "statics", "inverse_statics": "inverse statics", "fit": "fit to measurements"}
+
+def headline(result, console, facts=None):
+    """The status sentence, and under it what was asked and what it took (`facts` [text])."""
+    tone = "bold green" if result.status.solved else "bold red"
+    message = result.status.message
+    if result.details.get("unreachable"):
+        message = message.partition(". ")[0].rstrip(".") + "."  # the table below says the rest
+    for k, part in enumerate(textwrap.wrap(f"{result.name}: {message}", console.width, break_long_words=False)):
+        text = Text(part, style=tone)
+        if k == 0 and part.startswith(f"{result.name}:"):
+            text.stylize("default", 0, len(result.name) + 1)
+        line(console, text)
+    line(console, Text(", ".join(facts or _facts(result)), style="dim"))
+    line(console, "")
+
+
+def _facts(result):
+    count, seconds = result.solver.get("iterations"), result.solver.get("seconds")
+    facts = [TITLES.get(result.type, result.type)]
+    facts += [counted(count, "iteration")] if count is not None else []
+    return facts + ([duration(seconds)] if seconds is not None else [])
+
+
+def counted(count, noun):
+    """`1 step`, `12 steps`."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def duration(t):
+    """Seconds of the clock: `65.9 ms`, `7.77 s`."""
+    return f"{t * 1e3:.3g} ms" if t < 1 else f"{t:.3g} s"
+
+
+def segments_of(result):
+    """Names of the segments whose ends the result knows."""
+    return [key.removesuffix(".position") for key in result.values if key.endswith(".position")]
+
+
+def tips_of(result):
+    """Segments that carry nothing; the last one when the question is not at hand."""
+    names = segments_of(result)
+    if result.question is None:
+        return names[-1:]
+    carried = {segment.parent for segment in result.question.robot.description.segments.values()}
+    return [name for name in names if name not in carried]
+
+
+def in_units(values, digits=4):
+    """{name: [number, unit]} of scalar Values; those of a unit share its reading, and noise beside the largest is 0."""
+    shown = {}
+    for unit in dict.fromkeys(v.unit for v in values.values()):
+        names = [name for name, v in values.items() if v.unit == unit]
+        numbers = quiet([values[name].value for name in names])
+        one, name_of_unit = readable(unit, *numbers)
+        shown |= {name: [number(x / one, digits), name_of_unit] for name, x in zip(names, numbers, strict=True)}
+    return shown
