@@ -102,7 +102,7 @@ def test_a_problem_rests_on_more_than_an_earlier_run(name):
     assert any(not source.startswith("regression") for source in sources)
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if name != "stiff_flop_measured"])
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ("stiff_flop_measured", *MOTIONS)])
 def test_an_answer_is_stable_within_limits_and_fine_enough(name):
     result = solved(name)
     question, u = result.question, result.arrays.get("path.u", result.arrays["u"])
@@ -149,6 +149,8 @@ def test_a_robot_has_a_finite_residual(name, shape):
     robot = so.load_robot(ROBOTS[name])
     rng = np.random.default_rng(1)
     bent = {"1/m": 5.0, "1": 0.1, "rad": 0.5, "m": 0.05}  # sizes of random coordinates
+    longest = max([float(piece.length) for piece in robot.tree.pieces if piece.is_rod], default=0.0)
+    bent["1/m"] = min(5.0, 3.0 / max(longest, 1e-9))  # a section holds for 2 pi
     q = np.array([bent[unit] for unit in robot.coordinate_units]) * rng.uniform(-1, 1, robot.n) * (shape == "bent")
     u = np.array([min(abs(upper), 1e5) for _, upper in robot.input_limits]) / 2
     assert np.all(np.isfinite(np.array(residual(q, u))))
@@ -163,7 +165,8 @@ def functions(name):
 def test_a_solver_file_is_read(name):
     from socontrol.files.problem_file import load_solver
 
-    assert load_solver(CONFIGS / "solvers" / f"{name}.yaml").tolerance <= 1e-8
+    largest = {"radau": 1e-6}.get(name, 1e-8)  # of one step's speed; of a converged equation
+    assert load_solver(CONFIGS / "solvers" / f"{name}.yaml").tolerance <= largest
 
 
 # What the numbers say about the machines

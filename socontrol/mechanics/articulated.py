@@ -12,6 +12,7 @@ from socontrol.lie import se3
 from socontrol.mechanics.composite import own_inertia
 from socontrol.mechanics.motion import Sweep, is_identity, shielded
 from socontrol.mechanics.newton_euler import turned
+from socontrol.mechanics.slices import mirrored
 
 
 def accelerations(robot, q, qd, force):
@@ -58,9 +59,9 @@ def _outward(sweep, answers):
 def _hang(bb, bq, qq, b, p, M, P, pose, S, bias):
     """The sums of a piece with what stands at `pose` on it; `bias`: acceleration there at A = qdd = 0, own axes."""
     back = se3.Ad_inv(pose)
-    N, n = back.T @ M @ back, turned(pose, P + M @ bias)
+    N, n = mirrored(back.T @ M @ back), turned(pose, P + M @ bias)
     NS = N @ S
-    return bb + N, bq + NS, qq + S.T @ NS, b + n, p + S.T @ n
+    return bb + N, bq + NS, qq + mirrored(S.T @ NS), b + n, p + S.T @ n
 
 
 def _free(bb, bq, qq, b, p, force):
@@ -69,13 +70,13 @@ def _free(bb, bq, qq, b, p, force):
         return bb, b, ca.DM(0, 6), ca.DM(0, 1)
     solved = spd_solve(qq, ca.horzcat(bq.T, force - p))
     gain, start = solved[:, :6], solved[:, 6]
-    return bb - bq @ gain, b + bq @ start, gain, start
+    return bb - mirrored(bq @ gain), b + bq @ start, gain, start
 
 
 def _placed(g):
     """M and P of the frame g, seen from the frame g is given in. The centripetal part is in P: see `Sweep`."""
     back = se3.Ad_inv(g)
-    return lambda M, P: (back.T @ M @ back, turned(g, P))
+    return lambda M, P: (mirrored(back.T @ M @ back), turned(g, P))
 
 
 def _brought(g):

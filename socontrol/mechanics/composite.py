@@ -24,7 +24,7 @@ class Inertia:
     def add(self, N, S):
         """Add a body of inertia N [6 x 6], seen from the base, that moves with the twists S."""
         NS = N @ S
-        return Inertia(self.bb + N, self.bq + NS, self.qq + S.T @ NS)
+        return Inertia(self.bb + N, self.bq + NS, self.qq + slices.mirrored(S.T @ NS))
 
 
 def own_inertia(piece, q, density=None):
@@ -46,7 +46,7 @@ def own_inertia(piece, q, density=None):
 def moved_inertia(g, M):
     """Ad_g^-T M Ad_g^-1: an inertia [6 x 6] given at the frame g, seen from the frame of g's coordinates."""
     back = se3.Ad_inv(g)
-    return back.T @ M @ back
+    return slices.mirrored(back.T @ M @ back)
 
 
 def inertias(robot, kin):
@@ -56,7 +56,7 @@ def inertias(robot, kin):
     for i in reversed(range(len(tree.pieces))):
         piece, base = tree.pieces[i], kin.base(i)
         alone, back = own_inertia(piece, kin.q, density), se3.Ad_inv(base)
-        here = Inertia(back.T @ alone.bb @ back, back.T @ alone.bq, alone.qq)
+        here = Inertia(slices.mirrored(back.T @ alone.bb @ back), back.T @ alone.bq, alone.qq)
         for x, N in carried[i].items():
             here = here.add(N, kin.twists(i, x))
         own[i] = here

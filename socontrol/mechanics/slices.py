@@ -122,6 +122,11 @@ def _names(inputs):
     return [s.name() if s.numel() == 1 else s[0].name().rpartition("_")[0] for s in inputs]
 
 
+def mirrored(X):
+    """A symmetric matrix from its lower half, so that the upper one is not computed."""
+    return ca.tril2symm(ca.tril(X))
+
+
 def spatial(m, h, J):
     """[J, skew(h); -skew(h), m I] [6 x 6]."""
     H = ca.skew(h) if h.nnz() else ca.DM(3, 3)
@@ -146,6 +151,7 @@ def mass_kernel(nodes, plain, wet):
         ME = M @ E
         for k, part in enumerate((E_b.T @ M @ E_b, E_b.T @ ME, E.T @ ME)):
             sums[k] = sums[k] + part
+    sums = [mirrored(sums[0]), sums[1], mirrored(sums[2])]
     return ca.Function("section_mass", [xi, length, data], sums,
                        ["xi", "length", "data"], ["bb", "bq", "qq"])  # fmt: skip
 

@@ -8,6 +8,8 @@ import numpy as np
 from socontrol.programs.integrators import WORKS, March, Stop, legs
 from socontrol.programs.solver import captured
 
+LEG = 50  # outputs at most between looks at the clock and at Ctrl-C
+
 
 class CvodesMarch:
     """Marches like `integrators.Marcher`; the integrator itself starts anew where a history jumps or a chart ends."""
@@ -25,7 +27,7 @@ class CvodesMarch:
         march.keep(0.0, q, qd, work)
         began = time.perf_counter()
         with march.guarded():
-            for stop in legs(self.plant, self.times, every=bool(self.charts)):
+            for stop in legs(self.plant, self.times, every=1 if self.charts else LEG):
                 show(t, self.times[-1], f"t = {t:.3g} of {self.times[-1]:g} s")
                 if time.perf_counter() - began > self.settings.max_seconds:
                     raise Stop("limit", f"The clock stopped at t = {t:.6g} s; raise `max_seconds`.")
@@ -61,6 +63,7 @@ class CvodesMarch:
             limit = "TOO_MUCH_WORK" in str(error)
             fix = "raise `max_steps`" if limit else "look at loads and inputs there, or use the integrator `radau`"
             outcome = "limit" if limit else "numerical"
-            raise Stop(outcome, f"SUNDIALS gave up between t = {start:.6g} and {marks[-1]:.6g} s; {fix}.") from None
+            between = f"between t = {start:.6g} and {marks[-1]:.6g} s"
+            raise Stop(outcome, f"SUNDIALS gave up {between}; what lies before is kept; {fix}.") from None
         self.march.steps += int(integrator.stats().get("nsteps", 0))
         return np.array(answer["xf"]), np.array(answer["qf"])

@@ -20,9 +20,9 @@ from socontrol.quantities import Count, PositiveNumber, Second, Unit, record
 
 Duration = Annotated[float, Unit("s", lower=0, exclusive=True)]
 SHORTEST = 1e-12  # of the whole time: shorter steps do not move the clock
-SLOWEST = 1e-9  # robot lengths a second: smaller speeds count as rest
+SLOWEST = 0.1  # robot lengths in the whole time: errors are not measured by smaller speeds
 WORKS = 11  # columns of recorded work: see `Plant.power`, and the motors
-SAFETY, SHRINK, GROW = 0.9, 0.2, 4.0
+SAFETY, SHRINK, GROW = 0.9, 0.2, 6.0
 GOOD = 0.02  # contraction below which the tangents of an earlier step still serve
 
 
@@ -127,7 +127,7 @@ class Marcher:
 
     def _leg(self, stop):
         """March to `stop`, in between which no history jumps."""
-        self._last, self.speed = None, max(self._speed(self.qd[self.free]), SLOWEST * self.length)
+        self._last, self.speed = None, max(self._speed(self.qd[self.free]), SLOWEST * self.length / self.times[-1])
         self._acceleration = self._begin()
         h, outputs = self._first(stop), [t for t in self.times if self.t < t <= stop]
         while self.t < stop:
@@ -136,7 +136,7 @@ class Marcher:
                 count = max(1, int(np.ceil((target - self.t) / self.settings.step * (1 - 1e-9))))
                 h = (target - self.t) / count
             else:
-                h = min(h, self.settings.longest_step or np.inf)
+                h = min(h, self._longest)
                 left = stop - self.t
                 h = left if h >= left * (1 - 1e-9) else min(h, left / 2) if h > left / 2 else h
             h, follow = self._step(h)
@@ -145,6 +145,12 @@ class Marcher:
                 self._output(outputs.pop(0), h)
             self._accept(end)
             h = follow
+
+    @property
+    def _longest(self):
+        """Motors' motions are not part of the error estimate; their work is resolved as finely as the outputs."""
+        given = self.settings.longest_step or np.inf
+        return min(given, self.times[1]) if self.plant.driven.size else given
 
     def _begin(self):
         try:
@@ -160,7 +166,7 @@ class Marcher:
         fall = self.weights * np.abs(self._acceleration)
         shortest = 0.01 * min(stop, self.times[1] if len(self.times) > 1 else stop)
         reach = float(np.max(fall, initial=0.0))
-        return min(shortest, (1e-3 * self.length / reach) ** 0.5 if reach > 0 else shortest)
+        return min(shortest, (1e-6 * self.length / reach) ** 0.5 if reach > 0 else shortest)
 
     def _step(self, h):
         """(length, length of the next) of a step that is good enough; it is left in `self._last`."""
@@ -277,10 +283,10 @@ def _turns(robot):
     return names, slope, offset
 
 
-def legs(plant, times, every=False):
-    """Rising times up to which nothing jumps; with `every` all outputs are among them."""
+def legs(plant, times, every=None):
+    """Rising times up to which nothing jumps; with `every` each so many-th output is among them."""
     marks = {*breaks(plant.histories, times[-1]), float(times[-1])}
-    return sorted(marks | set(map(float, times[1:])) if every else marks)
+    return sorted(marks | set(map(float, times[every::every])) if every else marks)
 
 
 INTEGRATORS = {"radau": Radau, "gauss": Gauss, "cvodes": Cvodes}
