@@ -345,6 +345,9 @@ def bases():
         for key in ("robot", "solver"):
             if isinstance(data.get(key), str):
                 data[key] = str((path.parent / data[key]).resolve())
+        for given in (data.get("inputs") or {}).values():
+            if isinstance(given, dict) and isinstance(given.get("file"), str):
+                given["file"] = str((path.parent / given["file"]).resolve())
         found[path] = data
     return found
 
@@ -360,12 +363,12 @@ class Remembered:
                 documents[given] = read(document, key, given, folder)
             return documents[given]
 
-        def robot(document):
+        def robot(document, cls):
             graft = document.grafts.get("robot")
             if graft is None:
-                return build(document)
+                return build(document, cls)
             if graft.file not in robots:
-                robots[graft.file] = build(document)
+                robots[graft.file] = build(document, cls)
             return robots[graft.file]
 
         patch.setattr(problem_file, "_referred", referred)

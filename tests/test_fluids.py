@@ -710,8 +710,7 @@ PARAMETERS = {
     "name",
     [
         "fan",
-        # a spheroid's added mass makes a DM of symbols: Spheroid.added in model/fluids.py, reported
-        pytest.param("swimmer", marks=pytest.mark.xfail(strict=True)),
+        "swimmer",
     ],
 )
 def test_the_density_of_the_water_may_be_a_parameter(name):

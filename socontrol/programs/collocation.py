@@ -12,7 +12,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-NEWTON = 0.03  # of the tolerance: what is left of the equations of a step
+NEWTON = 0.01  # of the tolerance: what is left of the equations of a step
 ITERATIONS = 12
 
 

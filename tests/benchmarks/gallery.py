@@ -1,6 +1,6 @@
 """Draw the pictures of the README into problems/gallery: `python tests/benchmarks/gallery.py [FOLDER]`.
 
-- figures of shipped problems;
+- figures of shipped problems, the moving ones included;
 - the error of constant-strain sections against their number, for a cantilever with a dead load at its tip.
 """
 
@@ -77,6 +77,9 @@ PICTURES = {  # problem file: those of its figures to keep
     "stiff_flop_mini_circle": ("robot", "path"),
     "stiff_flop_unreachable": ("robot",),
     "stiff_flop_measured": ("fit",),
+    "lophotricus_straight": ("shapes", "energies"),
+    "octopus_arm_release": ("shapes",),
+    "octopus_three_motors": ("histories",),
 }
 
 
