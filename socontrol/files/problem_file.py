@@ -1,6 +1,7 @@
 """Problem files: a question, the robot and solver it refers to by relative path, and what it should answer."""
 
 import csv
+import itertools
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -111,12 +112,16 @@ def columns_of(document, path, entry, folder):
     if not isinstance(file, str):
         raise document.error((*path, "file"), f"{show(file)} is given; a path is wanted")
     try:
+        if (folder / file).exists() and not (folder / file).is_file():
+            raise ValueError
         with open(_short(folder / file), newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.reader(stream))[: LONGEST + 2]
+            rows = list(itertools.islice(csv.reader(stream), LONGEST + 2))
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         why = getattr(error, "strerror", None) or "no comma-separated text"
         raise document.error((*path, "file"), f"cannot read '{file}' beside this file: {why}") from error
     heads = [head.strip() for head in rows[0]] if rows else []
+    if column is None:
+        raise document.error((*path, "file"), f"give `column` beside the file: {joined(heads[1:]) or 'it has none'}")
     if column not in heads[1:]:
         sentence = f"'{file}' has no column {show(column)}{nearest(str(column), heads[1:])}"
         raise document.error((*path, "column" if "column" in entry else "file"), sentence)

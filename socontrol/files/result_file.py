@@ -149,7 +149,7 @@ def _fill(folder, result, document, comparisons, draw):
         return None
     try:
         draw(result, folder)
-    except Exception as error:  # the answer is worth more than its pictures
+    except (Exception, KeyboardInterrupt) as error:  # the answer is worth more than its pictures
         return one_line(f"the figures could not be drawn: {type(error).__name__}: {error}")
     return None
 

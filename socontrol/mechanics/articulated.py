@@ -27,6 +27,7 @@ def accelerations(robot, q, qd, force):
         for x, (M, P) in hanging[i].items():
             pose, S, motion = moved.at[x]
             sums = shielded(_hang)(*sums, M, P, pose, S, ca.vertcat(motion.dw, motion.a))
+        _refuse_massless(piece, sums[2])
         M, P, gain, start = shielded(_free)(*sums, force[piece.columns])
         answers[i] = gain, start
         if piece.parent is not None:
@@ -54,6 +55,12 @@ def _outward(sweep, answers):
         bases.append(A)
         found.append(start - gain @ A)
     return found
+
+
+def _refuse_massless(piece, qq):
+    """Raise ValueError where a coordinate moves nothing: no force gives it a distinct acceleration."""
+    if not isinstance(qq, ca.MX) and any(ca.SX(qq[k, k]).is_zero() for k in range(piece.size)):
+        raise ValueError(f"nothing that has mass moves with '{piece.segment}'; give what it moves a body with mass")
 
 
 def _hang(bb, bq, qq, b, p, M, P, pose, S, bias):

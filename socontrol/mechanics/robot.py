@@ -232,22 +232,21 @@ class Robot:
 
     def overstrained(self, q):
         """Names of rod sections bent or twisted past the range |k| length <= 2 pi of the series, for numeric q."""
-        names, q = [], np.asarray(q, dtype=float).ravel()
-        for name, columns, slope, offset in self._turns:
-            angle = float(np.linalg.norm(slope @ q[columns] + offset))
-            if not angle <= stumpff.RANGE:
-                names.append(f"{name} ({angle:.3g} rad)")
-        return names
+        names, slope, offset = self._turns
+        turns = (slope @ np.asarray(q, dtype=float).ravel() + offset).reshape(-1, 3)
+        angles = np.linalg.norm(turns, axis=1)
+        return [f"{names[k]} ({angles[k]:.3g} rad)" for k in np.flatnonzero(~(angles <= stumpff.RANGE))]
 
     @cached_property
     def _turns(self):
-        """(name, columns, slope, offset) of each section of rod: how far it turns is |slope q_i + offset| [rad]."""
-        rows = []
-        for piece in self.tree.pieces:
-            if piece.is_rod:
-                slope, offset = (float(piece.length) * np.array(ca.DM(m))[:3] for m in (piece.Phi, piece.xi_bar))
-                rows.append((f"{piece.segment}.{piece.index}", piece.columns, slope, offset.ravel()))
-        return rows
+        """Names of the sections of rods, slope [3 k x n] and offset [3 k] of the vectors by which they turn [rad]."""
+        rods = [piece for piece in self.tree.pieces if piece.is_rod]
+        slope, offset = np.zeros((3 * len(rods), self.n)), np.zeros(3 * len(rods))
+        for k, piece in enumerate(rods):
+            length, own = float(piece.length), slice(3 * k, 3 * k + 3)
+            slope[own, piece.columns] = length * np.array(ca.DM(piece.Phi))[:3]
+            offset[own] = length * np.array(ca.DM(piece.xi_bar))[:3, 0]
+        return [f"{piece.segment}.{piece.index}" for piece in rods], slope, offset
 
     def functions(self, parameters=(), chained=False):
         """Named CasADi Functions of this robot; `parameters`: paths of values that become a trailing argument;

@@ -43,6 +43,11 @@ class Spheroid:
     along: Length
     across: Length
 
+    def __post_init__(self):
+        if not (is_symbolic(self.along) or is_symbolic(self.across)) and not 1e-3 < self.along / self.across < 1e3:
+            given = f"{self.along:g} m along and {self.across:g} m across"
+            raise Bad("across", f"{given}: a needle or a sheet, no spheroid")
+
     def added(self, water):
         """Added inertia [3, kg m^2] and mass [3, kg] about the centre; raises ValueError for axes that are symbols.
 

@@ -13,6 +13,7 @@ from socontrol.programs.stability import stability
 
 FORCE_TOLERANCE = 1e-8  # recomputed unbalanced force over the largest elastic (or external) force
 SMALLEST_FORCE = 1e-4  # of what bends a section by a radian: smaller largest forces count as that, not as noise
+CRUSHED = -0.9  # stretch: less than a tenth of the length is left
 ACTIVE = 1e-6  # of the limits' span: closer counts as on the limit
 
 
@@ -100,10 +101,10 @@ class Look:
         if fine.n == self.robot.n:
             return {}
         balance = Balance(fine)
-        start = _spread(self.robot, fine, q)
+        start = spread(self.robot, fine, q)
         marks = np.zeros(self.robot.n)
         marks[list(prescribed)] = 1.0
-        held = {int(i): start[i] for i in np.flatnonzero(_spread(self.robot, fine, marks))}
+        held = {int(i): start[i] for i in np.flatnonzero(spread(self.robot, fine, marks))}
         answer = balance.solve(u, start, prescribed=held)
         if not answer.status.solved:
             return None
@@ -115,17 +116,21 @@ class Look:
         return changes
 
     def collapsed(self, q):
-        """Rods that are nearly crushed (stretch below -0.9) or leave the series' range, by name."""
-        names = list(self.robot.overstrained(q))
-        for piece in self.robot.tree.pieces:
-            if piece.is_rod and "stretch" in piece.record.active():
-                stretch = float(np.asarray(q)[piece.columns][piece.record.active().index("stretch")])
-                if stretch < -0.9:
-                    names.append(f"{piece.segment}.{piece.index} (stretch {stretch:.2g})")
-        return names
+        return collapsed(self.robot, q)
 
 
-def _spread(robot, fine, q):
+def collapsed(robot, q):
+    """Rods that are nearly crushed (stretch below CRUSHED) or leave the series' range, by name."""
+    names, q = list(robot.overstrained(q)), np.asarray(q, dtype=float)
+    for piece in robot.tree.pieces:
+        if piece.is_rod and "stretch" in piece.record.active():
+            stretch = float(q[piece.columns][piece.record.active().index("stretch")])
+            if not stretch >= CRUSHED:
+                names.append(f"{piece.segment}.{piece.index} (stretch {stretch:.2g})")
+    return names
+
+
+def spread(robot, fine, q):
     """Coordinates of the refined robot that hold the same shape."""
     start = np.zeros(fine.n)
     for segment in robot.segments:

@@ -58,6 +58,7 @@ class Step:
     v: np.ndarray
     iterations: int
     contraction: float
+    power: np.ndarray | None = None
 
 
 class Steps:
@@ -71,6 +72,22 @@ class Steps:
         self._q, self._v, self._a = np.zeros(n), np.zeros(n), np.zeros(n)
         values = self.table.values
         self._kept = [k for k, x in enumerate(values) if x.imag >= -1e-14]  # one of each conjugate pair
+
+    @property
+    def has_tangents(self):
+        return self._matrices is not None
+
+    def forget(self):
+        """Drop the tangents: the coordinates mean something else now."""
+        self._matrices, self._inverses = None, None
+
+    def power(self, t, step):
+        """`Plant.power` at the nodes of a step from t [s x 11]."""
+        rows = []
+        for i, x in enumerate(self.table.c):
+            r = self.node(t + x * step.h, step.q[i], step.v[i], step.a[i])
+            rows.append(self.plant.power(t + x * step.h, self._q, self._v, r))
+        return np.array(rows)
 
     def refresh(self, t, q, v):
         """New tangents at a state."""
@@ -103,7 +120,10 @@ class Steps:
         """
         table, a, before, contraction = self.table, guess.copy(), None, 0.0
         R = np.empty_like(a)
-        self.prepare(h)
+        try:
+            self.prepare(h)
+        except np.linalg.LinAlgError:
+            return None
         for count in range(1, ITERATIONS + 1):
             V = v + h * (table.A @ a)
             Q = q + h * table.c[:, None] * v + h * h * (table.AA @ a)

@@ -5,7 +5,8 @@ import time
 import casadi as ca
 import numpy as np
 
-from socontrol.programs.integrators import WORKS, March, Stop, legs
+from socontrol.programs.integrators import March, Stop, legs, refuse_singular
+from socontrol.programs.plant import WORKS
 from socontrol.programs.solver import captured
 
 LEG = 50  # outputs at most between looks at the clock and at Ctrl-C
@@ -21,8 +22,9 @@ class CvodesMarch:
 
     def run(self, q, qd, progress=None):
         """March; what stops it, Ctrl-C included, is in its status and keeps what was recorded."""
-        show, free, march = progress or (lambda done, total, sentence: None), self.plant.free, self.march
-        q, qd, work, t = q.copy(), qd.copy(), np.zeros(WORKS), 0.0
+        self._show = show = progress or (lambda done, total, sentence: None)
+        free, march = self.plant.free, self.march
+        q, qd, work, t = q.copy(), qd.copy(), np.zeros(len(WORKS) + 6), 0.0
         self.plant.place(0.0, q, qd)
         march.keep(0.0, q, qd, work)
         began = time.perf_counter()
@@ -33,15 +35,35 @@ class CvodesMarch:
                     raise Stop("limit", f"The clock stopped at t = {t:.6g} s; raise `max_seconds`.")
                 wanted = [x for x in self.times if t < x <= stop]
                 marks = np.array(sorted({*wanted, stop}))
-                states, works = self._leg(t, marks, np.concatenate([q[free], qd[free]]))
-                for k, mark in enumerate(marks):
-                    q[free], qd[free] = np.split(states[:, k], 2)
-                    self.plant.place(mark, q, qd)
-                    if mark in wanted:
-                        march.keep(mark, q, qd, work + works[:, k])
-                work, t = work + works[:, -1], stop
+                for part, states, spent in self._parts(t, marks, q, qd):
+                    for k, mark in enumerate(part):
+                        q[free], qd[free] = np.split(states[:, k], 2)
+                        self.plant.place(mark, q, qd)
+                        refuse_singular(self.plant.robot, self.charts, mark, q)
+                        if mark in wanted:
+                            march.keep(mark, q, qd, work + spent[:, k])
+                    work = work + spent[:, -1]
+                t = stop
                 self.charts.renewed(q, qd)
         return march
+
+    def _parts(self, start, marks, q, qd):
+        """(marks, states, works) of a whole leg, or mark by mark where that fails, so that what lies before is kept.
+
+        q and qd are the state at the last mark that was taken.
+        """
+        free = self.plant.free
+        try:
+            whole = self._leg(start, marks, np.concatenate([q[free], qd[free]]))
+        except Stop:
+            if marks.size == 1:
+                raise
+        else:
+            yield marks, *whole
+            return
+        for mark in marks:
+            yield [mark], *self._leg(start, np.array([mark]), np.concatenate([q[free], qd[free]]))
+            start = mark
 
     def _leg(self, start, marks, state):
         """States and works at the marks after `start`."""
@@ -58,6 +80,7 @@ class CvodesMarch:
         except KeyboardInterrupt:
             raise
         except Exception as error:
+            self._show(start, self.times[-1], "")  # raises where Ctrl-C was swallowed by the compiled code
             if "KeyboardInterrupt" in str(error):
                 raise KeyboardInterrupt from None
             limit = "TOO_MUCH_WORK" in str(error)

@@ -11,17 +11,18 @@ from typing import Annotated
 
 import numpy as np
 
-from socontrol.lie import stumpff
+from socontrol.programs.answer import collapsed
 from socontrol.programs.charts import Charts
-from socontrol.programs.collocation import Steps
+from socontrol.programs.collocation import ITERATIONS, Steps
+from socontrol.programs.plant import WORKS
 from socontrol.programs.result import Status
 from socontrol.programs.signals import breaks
-from socontrol.quantities import Count, PositiveNumber, Second, Unit, record
+from socontrol.quantities import Bad, Count, PositiveNumber, Unit, record
 
-Duration = Annotated[float, Unit("s", lower=0, exclusive=True)]
-SHORTEST = 1e-12  # of the whole time: shorter steps do not move the clock
+Duration = Annotated[float, Unit("s", lower=1e-9)]
+MOST_STAGES = 9  # CasADi knows the nodes of so many
+SHORTEST = 1e-12  # of the time reached: shorter steps do not move the clock
 SLOWEST = 0.1  # robot lengths in the whole time: errors are not measured by smaller speeds
-WORKS = 11  # columns of recorded work: see `Plant.power`, and the motors
 SAFETY, SHRINK, GROW = 0.9, 0.2, 6.0
 GOOD = 0.02  # contraction below which the tangents of an earlier step still serve
 
@@ -31,7 +32,7 @@ class _Limits:
     """max_steps, max_seconds (of the clock on the wall): where to give up."""
 
     max_steps: Count = 200_000
-    max_seconds: Second = 3600.0
+    max_seconds: Annotated[float, Unit("s", lower=0)] = 3600.0
 
 
 @record(kw_only=True)
@@ -42,6 +43,7 @@ class Radau(_Limits):
     tolerance: PositiveNumber = 1e-5
     first_step: Duration | None = None
     longest_step: Duration | None = None
+    type = "radau"
 
 
 @record(kw_only=True)
@@ -51,19 +53,25 @@ class Gauss(_Limits):
     step: Duration
     stages: Count = 3
     tolerance: PositiveNumber = 1e-12
+    type = "gauss"
+
+    def __post_init__(self):
+        if self.stages > MOST_STAGES:
+            raise Bad("stages", f"{self.stages} stages; at most {MOST_STAGES}")
 
 
 @record(kw_only=True)
 class Cvodes(_Limits):
-    """SUNDIALS' variable-order BDF on qdd = M^-1 (...), relative and absolute tolerance of scaled coordinates."""
+    """SUNDIALS' variable-order BDF on qdd = M^-1 (...). `tolerance`: relative; absolute a thousandth of it, in SI."""
 
     tolerance: PositiveNumber = 1e-8
+    type = "cvodes"
 
 
 @dataclass
 class March:
-    """What a march has recorded: at each output t [k], q, qd [k x n each] and work [k x 10] (integrals of
-    `Plant.power`; 4 works, an impulse of 6) and driven work [k]; steps taken, refused, iterations; status."""
+    """What a march has recorded: at each output t [k], q, qd [k x n each] and work [k x 11], the integrals of
+    `Plant.power`; steps taken, refused, iterations; status."""
 
     t: list = field(default_factory=list)
     q: list = field(default_factory=list)
@@ -109,15 +117,14 @@ class Marcher:
         fixed = isinstance(settings, Gauss)
         self.fixed, scheme = fixed, "legendre" if fixed else "radau"
         self.steps = Steps(plant, scheme, settings.stages if fixed else 3, weights, settings.tolerance)
-        self.charts, self.march = Charts(plant.robot), March()
-        self.free, self.weights = plant.free, weights[plant.free]
-        self._turns = _turns(plant.robot)
+        self.charts, self.march = Charts(plant.robot, plant.driven), March()
+        self.free, self.weights, self._follow = plant.free, weights[plant.free], None
 
     def run(self, q, qd, progress=None):
         """March; what stops it, Ctrl-C included, is in its status and keeps what was recorded."""
         march, self._progress = self.march, progress or (lambda done, total, sentence: None)
         self.q, self.qd, self.t = q.copy(), qd.copy(), 0.0
-        self.work, self.began = np.zeros(WORKS), time.perf_counter()
+        self.work, self.began = np.zeros(len(WORKS) + 6), time.perf_counter()
         self.plant.place(0.0, self.q, self.qd)
         march.keep(0.0, self.q, self.qd, self.work)
         with march.guarded():
@@ -144,13 +151,14 @@ class Marcher:
             while outputs and outputs[0] <= end * (1 + 1e-14):
                 self._output(outputs.pop(0), h)
             self._accept(end)
-            h = follow
+            h = self._follow = follow
 
     @property
     def _longest(self):
-        """Motors' motions are not part of the error estimate; their work is resolved as finely as the outputs."""
-        given = self.settings.longest_step or np.inf
-        return min(given, self.times[1]) if self.plant.driven.size else given
+        """Histories may change between the nodes of a long step unseen, motors' most of all: they are given."""
+        paces = [history.pace for history in self.plant.histories]
+        own = [self.settings.longest_step or np.inf, self.times[1] if self.plant.driven.size else np.inf]
+        return min(*own, *paces)
 
     def _begin(self):
         try:
@@ -163,6 +171,8 @@ class Marcher:
         settings = self.settings
         if getattr(settings, "first_step", None):
             return settings.first_step
+        if self._follow is not None:  # histories mostly bend where a leg ends; a jump shortens the step by itself
+            return self._follow
         fall = self.weights * np.abs(self._acceleration)
         shortest = 0.01 * min(stop, self.times[1] if len(self.times) > 1 else stop)
         reach = float(np.max(fall, initial=0.0))
@@ -171,8 +181,8 @@ class Marcher:
     def _step(self, h):
         """(length, length of the next) of a step that is good enough; it is left in `self._last`."""
         steps, march = self.steps, self.march
-        q, v, fresh = self.q[self.free], self.qd[self.free], False
-        if steps._matrices is None or self._last is None or self._last.contraction > GOOD:
+        q, v, fresh, grow = self.q[self.free], self.qd[self.free], False, GROW
+        if not steps.has_tangents or self._last is None or self._last.contraction > GOOD:
             steps.refresh(self.t, self.q, self.qd)
             fresh = True
         while True:
@@ -182,8 +192,8 @@ class Marcher:
                 guess = steps.extrapolated(self._last, h)
             step = steps.take(self.t, q, v, h, guess, self.speed)
             if step is None:
-                march.refused += 1
                 if fresh:
+                    march.refused, grow = march.refused + 1, 1.0
                     h = self._shorter(h, 0.3)
                 else:
                     steps.refresh(self.t, self.q, self.qd)
@@ -193,11 +203,12 @@ class Marcher:
             error = 0.0 if self.fixed else self._error(step, v)
             if error <= 1.0:
                 break
-            march.refused += 1
+            march.refused, grow = march.refused + 1, 1.0
             h = self._shorter(h, max(SHRINK, SAFETY * error**-0.25))
         march.steps += 1
         self._before, self._last = (q, v), step
-        factor = min(GROW, SAFETY * max(error, 1e-8) ** -0.25)
+        calm = (2 * ITERATIONS + 1) / (2 * ITERATIONS + step.iterations)  # many iterations ask for shorter steps
+        factor = min(grow, SAFETY * calm * max(error, 1e-8) ** -0.25)
         return h, h if 1.0 <= factor < 1.2 else h * factor
 
     def _error(self, step, v):
@@ -212,7 +223,7 @@ class Marcher:
     def _shorter(self, h, factor):
         if self.fixed:
             raise Stop("numerical", f"At t = {self.t:.6g} s a step of {h:.3g} s does not converge; lower `step`.")
-        if h * factor < SHORTEST * self.times[-1]:
+        if h * factor < max(SHORTEST * self.t, SHORTEST * 1e-3):
             worst = self.plant.robot.coordinates[self.free[int(np.argmax(np.abs(self._acceleration) * self.weights))]]
             sentence = f"At t = {self.t:.6g} s steps of {h:.1g} s are still too long: {worst} runs away."
             raise Stop("numerical", f"{sentence} Look at loads and inputs there, or at rods that collapse.")
@@ -238,16 +249,9 @@ class Marcher:
 
     def _worked(self, step, x):
         """Integrals of power [11] from the beginning of a step to its fraction x."""
-        if getattr(step, "power", None) is None:
-            step.power = np.array([self._power(step, i) for i in range(self.steps.table.c.size)])
+        if step.power is None:
+            step.power = self.steps.power(self.t, step)
         return step.h * (self.steps.table.weights(x) @ step.power)
-
-    def _power(self, step, i):
-        t = self.t + step.h * self.steps.table.c[i]
-        r = self.steps.node(t, step.q[i], step.v[i], step.a[i])
-        driven = self.plant.driven
-        motors = float(r[driven] @ self.steps._v[driven]) if driven.size else 0.0
-        return np.append(self.plant.power(t, self.steps._q, self.steps._v), motors)
 
     def _accept(self, t):
         """Move the clock to the end of the last step."""
@@ -256,31 +260,27 @@ class Marcher:
         self.q[self.free], self.qd[self.free] = self.steps.end(step, v0, q0)
         self.t = t
         self.plant.place(t, self.q, self.qd)
-        angles = np.linalg.norm((self._turns[1] @ self.q + self._turns[2]).reshape(-1, 3), axis=1)
-        if not np.all(angles <= stumpff.RANGE):
-            worst = self._turns[0][int(np.argmax(np.where(np.isfinite(angles), angles, np.inf)))]
-            sentence = f"At t = {t:.6g} s section {worst} turns by {np.nanmax(angles):.3g} rad, more than 2 pi"
-            raise Stop("numerical", f"{sentence}; use more sections.")
+        refuse_singular(self.plant.robot, self.charts, t, self.q)
         self.speed = max(self.speed, self._speed(self.qd[self.free]))
         if self.charts.renewed(self.q, self.qd):
             self._last, self._acceleration = None, self._begin()
-            self.steps._matrices = None
-        elif self.fixed:
-            self._acceleration = step.a[-1]
+            self.steps.forget()
         else:
-            self._acceleration = step.a[-1].copy()
+            self._acceleration = step.a[-1].copy()  # of Radau's last node; for Gauss a guess
 
     def _speed(self, v):
         return float(np.max(np.abs(v) * self.weights, initial=0.0))
 
 
-def _turns(robot):
-    """Names of the sections of rods, and how far they turn: slope [3 k x n], offset [3 k]."""
-    names = [name for name, _, _, _ in robot._turns]
-    slope, offset = np.zeros((3 * len(names), robot.n)), np.zeros(3 * len(names))
-    for k, (_, columns, own, start) in enumerate(robot._turns):
-        slope[3 * k : 3 * k + 3, columns], offset[3 * k : 3 * k + 3] = own, start
-    return names, slope, offset
+def refuse_singular(robot, charts, t, q):
+    """Raise Stop where a rod is crushed or turns past the range of the series, or a joint is a full turn away."""
+    if joint := charts.stuck(q):
+        why = "its springs, dampers, limits or motor keep its coordinates, which are singular there"
+        raise Stop("numerical", f"At t = {t:.6g} s joint {joint} is nearly a full turn away: {why}.")
+    names = collapsed(robot, q)
+    if names:
+        fix = "use more sections, or look at loads and inputs there"
+        raise Stop("numerical", f"At t = {t:.6g} s section {names[0]} is crushed or turns by more than 2 pi; {fix}.")
 
 
 def legs(plant, times, every=None):

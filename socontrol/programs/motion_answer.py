@@ -4,14 +4,15 @@ The energy at each output, computed by another path than the steps, is held agai
 damping, water and motors have done: what appears or vanishes beside it is the error of the integration.
 """
 
+import casadi as ca
 import numpy as np
 
-from socontrol.programs.answer import rotation_vector
-from socontrol.programs.plant import Buffered
+from socontrol.lie import so3
+from socontrol.programs.plant import WORKS, Buffered
 from socontrol.programs.result import Result, Status, Value
 
-WORKS = ("inputs", "loads", "damping", "water", "motors")  # of the first columns of the recorded work
 BALANCE = 1e-3  # unexplained energy over the largest energy that moved: more rejects a solution
+ROUNDING = 1e-12  # of the energies summed: cancellation, not motion
 
 
 def answered(question, plant, march, seconds):
@@ -20,11 +21,10 @@ def answered(question, plant, march, seconds):
     arrays = {"t": t, "q": np.array(march.q), "qd": np.array(march.qd)}
     arrays["u"] = np.array([plant.inputs(x) for x in t])
     work = np.array(march.work)
-    arrays["work"] = np.column_stack([work[:, :4], work[:, 10]])
-    arrays["impulse"] = work[:, 4:10]
-    arrays |= _energies(plant, arrays) | _ends(robot, plant.functions, arrays)
-    residuals = {"energy": Value(_unexplained(arrays), "1")}
-    status, values = march.status, {}
+    arrays["work"], arrays["impulse"] = work[:, : len(WORKS)], work[:, len(WORKS) :]
+    arrays |= _energies(plant, arrays) | _ends(robot, robot.functions(), arrays)
+    residuals = {"energy": Value(_share(*_unexplained(arrays)), "1")}
+    status, values = _told_of_limits(question, march.status, arrays), {}
     if not all(np.all(np.isfinite(a)) for a in arrays.values()):
         status = Status("numerical", "The motion holds numbers that are not finite; look at loads and inputs.")
         arrays = {}
@@ -32,12 +32,22 @@ def answered(question, plant, march, seconds):
         values = _values(robot, arrays)
     if status.solved and residuals["energy"].value > BALANCE:
         lost = f"Of the energy that moved {residuals['energy'].value:.2g} is not explained by work, above {BALANCE:g}"
-        status = Status("rejected", f"{lost}; lower the integrator's `tolerance` or `step`.")
+        key = "longest_step" if plant.driven.size and question.solver.type == "radau" else "tolerance` or `step"
+        status = Status("rejected", f"{lost}; lower the integrator's `{key}`.")
     solver = {"iterations": march.iterations, "seconds": seconds, "steps": march.steps, "refused": march.refused}
-    details = {"integrator": type(question.solver).__name__.lower(), "reached": float(t[-1]),
+    details = {"integrator": question.solver.type, "reached": float(t[-1]),
                "stop": float(question.outputs[-1])}  # fmt: skip
     return Result(name=question.name, type="simulation", status=status, question=question, arrays=arrays,
                   values=values, residuals=residuals, solver=solver, details=details)  # fmt: skip
+
+
+def _told_of_limits(question, status, arrays):
+    """The status, with the names of inputs that were given beyond their limits."""
+    lower, upper = question.input_limits()
+    u, room = arrays["u"], 1e-9 * np.maximum(1.0, np.abs(arrays["u"]))
+    past = np.any((u < lower - room) | (u > upper + room), axis=0)
+    names = [name for name, is_past in zip(question.robot.inputs, past, strict=True) if is_past]
+    return Status(status.outcome, f"{status.message} Beyond their limits: {', '.join(names)}.") if names else status
 
 
 def _energies(plant, arrays):
@@ -53,21 +63,34 @@ def _energies(plant, arrays):
 
 def _ends(robot, functions, arrays):
     """Pose of every segment's end: position [k x 3] and rotation vector [k x 3]."""
+    q = ca.MX.sym("q", robot.n)
+    poses = [functions.pose(segment, 1.0).function(q) for segment in robot.segments]
+    rows = Buffered(ca.Function("ends", [q], [ca.vertcat(*(ca.vec(g[:3, :]) for g in poses))]))
+    g = np.array([rows(x)[0][0].copy() for x in arrays["q"]]).reshape(len(arrays["q"]), -1, 4, 3)
+    vectors = Buffered(_rotation_vector())
     found = {}
-    for segment in robot.segments:
-        pose = robot.functions().pose(segment, 1.0).function
-        g = np.array([np.array(pose(q)) for q in arrays["q"]])
-        found[f"{segment}.position"] = g[:, :3, 3]
-        found[f"{segment}.rotation"] = np.array([rotation_vector(R) for R in g[:, :3, :3]])
+    for k, segment in enumerate(robot.segments):
+        found[f"{segment}.position"] = g[:, k, 3]
+        found[f"{segment}.rotation"] = np.array([vectors(R.ravel())[0][0].copy() for R in g[:, k, :3]])
     return found
 
 
+def _rotation_vector():
+    R = ca.SX.sym("R", 3, 3)
+    return ca.Function("rotation_vector", [R], [so3.log(R)])
+
+
 def _unexplained(arrays):
-    """Largest |change of energy - work| over the largest energy that moved."""
+    """Largest |change of energy - work| [J], 0 where it is rounding, and the largest energy that moved [J]."""
     energy, work = arrays["energy"], arrays["work"]
-    change = energy.sum(axis=1) - energy[0].sum() - work.sum(axis=1)
+    lost = float(np.max(np.abs(energy.sum(axis=1) - energy[0].sum() - work.sum(axis=1))))
     moved = max(float(np.max(np.ptp(energy, axis=0))), float(np.max(energy[:, 0])), float(np.max(np.abs(work))))
-    return float(np.max(np.abs(change))) / moved if moved > 0 else 0.0
+    size = float(np.max(np.abs(energy))) + float(np.max(np.abs(work)))
+    return (0.0 if lost <= ROUNDING * size else lost), moved
+
+
+def _share(part, whole):
+    return part / whole if part > 0 and whole > 0 else 0.0
 
 
 def _values(robot, arrays):
@@ -89,8 +112,7 @@ def _values(robot, arrays):
     for k, name in enumerate(WORKS):
         values[f"work.{name}"] = Value(float(arrays["work"][-1, k]), "J")
     largest = float(np.max(arrays["energy"][:, 0]))
-    total = arrays["energy"].sum(axis=1) - arrays["work"].sum(axis=1)
-    values["energy.drift"] = Value(float(np.max(np.abs(total - total[0]))) / largest if largest > 0 else 0.0, "1")
+    values["energy.drift"] = Value(_share(_unexplained(arrays)[0], largest), "1")
     values["momentum"] = Value(arrays["momentum"][-1].tolist(), "N m s, N s")
     values["impulse"] = Value(arrays["impulse"][-1].tolist(), "N m s, N s")
     return values

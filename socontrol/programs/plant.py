@@ -9,6 +9,8 @@ import numpy as np
 
 from socontrol.programs import signals
 
+WORKS = ("inputs", "loads", "damping", "water", "motors")  # what does work, in the order of `Plant.power`
+
 
 class Buffered:
     """A CasADi Function called through fixed arrays: a call costs a third of a microsecond more than the work."""
@@ -75,10 +77,11 @@ class Plant:
         M, K, D = self._tangents(q, qd, self.inputs(t), *self.parameters(t))
         return M.T.copy(), K.T.copy(), D.T.copy()
 
-    def power(self, t, q, qd):
-        """Power [4, W] of inputs, loads, damping, water, and the wrench [6] on the whole robot."""
+    def power(self, t, q, qd, r):
+        """Power [5, W] of WORKS, and the wrench [6] on the whole robot; r [n]: the residual there."""
         power, wrench = self._power(q, qd, self.inputs(t), *self.parameters(t))
-        return np.concatenate([power[0], wrench[0]])
+        motors = r[self.driven] @ qd[self.driven] if self.driven.size else 0.0
+        return np.concatenate([power[0], [motors], wrench[0]])
 
     def acceleration(self, t, q, qd):
         """qdd [n] at a state: of the free coordinates from r = 0, of the driven ones given."""
@@ -111,7 +114,8 @@ class Plant:
         else:
             qdd, motors = f.forward_dynamics.function(q, qd, u, *parameters), ca.MX(0)
             own = qdd
-        power = ca.vertcat(*f.power.function(q, qd, u, *parameters), motors)
+        power, wrench = f.power.function(q, qd, u, *parameters)
+        power = ca.vertcat(power, motors, wrench)
         return {"x": x, "t": tau, "p": p, "ode": p[1] * ca.vertcat(x[k:], own), "quad": p[1] * power}
 
     def _symbolic_parameters(self, t):

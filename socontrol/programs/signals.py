@@ -18,11 +18,16 @@ LONGEST = 100_000  # rows of a table
 
 @dataclass(frozen=True)
 class History:
-    """value(t): a CasADi expression of the time; breaks: times where it or its rates jump; end: last time known."""
+    """value(t): a CasADi expression of the time; breaks: times where it or its rates jump; start, end: what is known.
+
+    pace: longest step [s] of an integrator that sees it change.
+    """
 
     value: Any
     breaks: tuple = ()
+    start: float = 0.0
     end: float = float("inf")
+    pace: float = float("inf")
 
 
 @record(kw_only=True)
@@ -48,7 +53,7 @@ class Ramp:
             share = x**3 * (10 - 15 * x + 6 * x**2) if self.smooth or motion else x
             return first + (last - first) * share
 
-        return History(value, (self.start, self.stop))
+        return History(value, (self.start, self.stop), pace=(self.stop - self.start) / 10 if motion else float("inf"))
 
 
 @record(kw_only=True)
@@ -62,7 +67,8 @@ class Sinusoid:
 
     def history(self, unit, path, motion):
         mean, amplitude = (read(getattr(self, key), unit, f"{path}.{key}") for key in ("mean", "amplitude"))
-        return History(lambda t: mean + amplitude * ca.sin(2 * pi * t / self.period + self.phase))
+        turns = 2 * pi / self.period
+        return History(lambda t: mean + amplitude * ca.sin(turns * t + self.phase), pace=self.period / 16)
 
 
 @record(kw_only=True)
@@ -106,11 +112,18 @@ class Table:
 
     def history(self, unit, path, motion):
         values = [read(value, unit, f"{path}.values.{k}") for k, value in enumerate(self.values)]
-        plugin = "bspline" if motion and len(values) > 3 else "linear"
-        spline = ca.interpolant("table", plugin, [list(self.times)], values)
         first, last = self.times[0], self.times[-1]
-        breaks = () if plugin == "bspline" else self.times
-        return History(lambda t: spline(ca.fmin(last, ca.fmax(first, t))), breaks, last)
+        if motion and (len(values) < 4 or first > 0):
+            raise Bad(f"{path}.times", "a table of a motion needs four or more times, the first 0 s or before")
+        spline = ca.interpolant("table", "bspline" if motion else "linear", [list(self.times)], values)
+
+        def value(t):  # fmin and fmax would halve the rate at the ends
+            return spline(ca.if_else(t < first, first, ca.if_else(t > last, last, t)))
+
+        if not motion:
+            return History(value, self.times, first, last)
+        gaps = [b - a for a, b in zip(self.times, self.times[1:], strict=False)]
+        return History(value, (), first, last, min(gaps) / 2)
 
 
 SIGNALS = {"ramp": Ramp, "sinusoid": Sinusoid, "rate": Rate, "table": Table}
@@ -139,10 +152,3 @@ def sampled(histories, order=0):
     for _ in range(order):
         outputs.append(ca.jtimes(outputs[-1], t, ca.MX(1)) if histories else ca.MX(0, 1))
     return ca.Function("histories", [t], [ca.densify(o) for o in outputs])
-
-
-def constant(given):
-    """Whether a value does not change in time."""
-    return not isinstance(given, tuple(SIGNALS.values()))
-
-

@@ -1,23 +1,26 @@
 """Problem type `simulation`: inputs, loads and driven joints are given in time, the motion is found."""
 
 import time
+from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
 
+from socontrol.programs.answer import collapsed, spread
 from socontrol.programs.balance import Balance
 from socontrol.programs.charts import Charts
 from socontrol.programs.cvodes import CvodesMarch
 from socontrol.programs.integrators import INTEGRATORS, Cvodes, Duration, Marcher, Radau
 from socontrol.programs.motion_answer import answered
 from socontrol.programs.plant import Plant
-from socontrol.programs.question import Named, Question, read
+from socontrol.programs.question import Bounds, Guess, Named, Question, read
 from socontrol.programs.result import Result, Status
 from socontrol.programs.signals import Changing, history
 from socontrol.quantities import Bad, Either, Flag, joined, nearest, record
 
 MOST_OUTPUTS = 200_000
+WEIGHTLESS = 1e-12  # root of an entry of M beside the largest: less is no mass
 SAMPLES = 2001  # times at which a given motion is held against the limits of its joint
 
 
@@ -74,6 +77,15 @@ class Simulation(Question):
         self.named("coordinates", self.start.coordinates, "start.coordinates")
         self.named("inputs", self.start.inputs, "start.inputs")
         self._rates()
+        if self.guess != Guess():
+            raise Bad("guess", "a motion has a start, not a guess; write `start:`")
+        if self.bounds != Bounds():
+            raise Bad("bounds", "a motion goes where it goes; bounds are for optimisation (a joint's `limits` stop it)")
+        self._refuse_start_of_driven()
+        if names := collapsed(self.robot, self.first_coordinates()):
+            raise Bad("start.coordinates", f"section {names[0]} is collapsed or turns too far at the start")
+        if isinstance(self.solver, Cvodes) and len(self.driven) == self.robot.n:
+            raise Bad("solver", "all coordinates are driven, so nothing is left to integrate; use `radau`")
         self._refuse_early_ends()
         self._refuse_beyond_limits()
 
@@ -104,6 +116,8 @@ class Simulation(Question):
         """Times [k] at which the motion is wanted, the first 0."""
         if isinstance(self.times, Times):
             return self.times.outputs()
+        if not self.times:
+            raise Bad("times", "the list is empty; give `stop` and `every`, or times")
         for k, (a, b) in enumerate(zip((0.0, *self.times), self.times, strict=False)):
             if not b > a:
                 raise Bad(f"times.{k}", f"{b:g} s does not come after {a:g} s; times must rise")
@@ -147,10 +161,23 @@ class Simulation(Question):
         for path, given in rows:
             if given.end < stop * (1 - 1e-9):
                 raise Bad(f"{path}.times", f"the table ends at {given.end:g} s, before the motion does, at {stop:g} s")
+            if given.start > 0:
+                raise Bad(f"{path}.times", f"the table begins at {given.start:g} s, after the motion does, at 0 s")
+
+    def _refuse_start_of_driven(self):
+        for key in ("coordinates", "rates"):
+            for name in getattr(self.start, key) or {}:
+                if name in (self.coordinates or {}):
+                    raise Bad(f"start.{key}.{name}", f"'{name}' is driven; its history under `coordinates` says this")
 
     def _refuse_beyond_limits(self):
         """Raise Bad for a given motion that leaves the limits of its joint, and for a start outside of them."""
         lower, upper = self.coordinate_limits(strains=False)
+        for i in self.named("coordinates", self.start.coordinates, "start.coordinates"):
+            name, value = self.robot.coordinates[i], self.first_coordinates()[i]
+            if not lower[i] - 1e-9 <= value <= upper[i] + 1e-9:
+                between = f"[{lower[i]:g}, {upper[i]:g}]"
+                raise Bad(f"start.coordinates.{name}", f"{value:g} is outside the limits of the joint, {between}")
         t = np.linspace(0.0, self.outputs[-1], SAMPLES)
         for i, given in self.driven.items():
             name, unit = self.robot.coordinates[i], self.robot.coordinate_units[i]
@@ -163,33 +190,64 @@ class Simulation(Question):
 
     def solve(self, progress=None):
         """The motion as a Result, its energies held against the work done."""
-        began = time.perf_counter()
-        robot = self.loaded
+        began, robot = time.perf_counter(), self.loaded
         plant = Plant(robot, self._inputs, self.driven, self.factors)
         refuse_massless(plant)
-        q, status = self._first(plant)
+        q, status = self._settled(plant, self.first_coordinates())
         if status is not None:
             return Result(name=self.name, type="simulation", status=status, question=self)
-        weights = displacement_weights(robot)
-        if isinstance(self.solver, Cvodes):
-            march = CvodesMarch(plant, self.solver, self.outputs, Charts(robot)).run(q, self._rates(), progress)
-        else:
-            march = Marcher(plant, self.solver, self.outputs, weights, robot.length).run(q, self._rates(), progress)
-        return answered(self, plant, march, time.perf_counter() - began)
+        march = self._march(plant, q, self._rates(), progress)
+        try:
+            result = answered(self, plant, march, time.perf_counter() - began)
+        except KeyboardInterrupt:
+            status = Status("interrupted", "Stopped by the user after the motion; its states alone are kept.")
+            arrays = {key: np.array(getattr(march, key)) for key in ("t", "q", "qd")}
+            return Result(name=self.name, type="simulation", status=status, question=self, arrays=arrays)
+        if self.discretisation and result.status.solved:
+            changes = self._doubled(result, progress)
+            result = replace(result, details={**result.details, "discretisation": changes})
+        return result
 
-    def _first(self, plant):
+    def _march(self, plant, q, qd, progress):
+        if isinstance(self.solver, Cvodes):
+            return CvodesMarch(plant, self.solver, self.outputs, Charts(plant.robot, plant.driven)).run(q, qd, progress)
+        weights = displacement_weights(plant.robot)
+        return Marcher(plant, self.solver, self.outputs, weights, plant.robot.length).run(q, qd, progress)
+
+    def _settled(self, plant, q):
         """(q [n] at t = 0, None), or (None, status) where no rest shape is found."""
-        q = self.first_coordinates()
         if not self.start.settled:
             return q, None
         u = self.vector("inputs", self.start.inputs, "start.inputs") if self.start.inputs else plant.inputs(0.0)
         parameters = plant.parameters(0.0)
-        balance = Balance(self.loaded, plant.functions.parameters)
+        balance = Balance(plant.robot, plant.functions.parameters)
         held = {int(i): q[i] for i in plant.driven}
         answer = balance.solve(u, q, p=parameters[0] if parameters else None, prescribed=held)
         if answer.status.solved:
             return answer.q, None
         return None, Status(answer.status.outcome, f"No shape at rest to start from. {answer.status.message}")
+
+    def _doubled(self, result, progress):
+        """Largest change in time of each end's position when every section is halved, in metres; None if that fails."""
+        robot, fine = self.loaded, self.loaded.refined(sections=2)
+        if fine.n == robot.n:
+            return {}
+        driven = {}
+        for i, given in self.driven.items():
+            marks = np.zeros(robot.n)
+            marks[i] = 1.0
+            driven |= {int(k): given for k in np.flatnonzero(spread(robot, fine, marks))}
+        plant = Plant(fine, self._inputs, driven, self.factors)
+        q, status = self._settled(plant, spread(robot, fine, result.arrays["q"][0]))
+        march = self._march(plant, q, spread(robot, fine, result.arrays["qd"][0]), progress) if status is None else None
+        if march is None or not march.status.solved:
+            return None
+        changes = {}
+        for segment in robot.segments:
+            pose = fine.functions().pose(segment, 1.0).function
+            there = np.array([np.array(pose(x))[:3, 3] for x in march.q])
+            changes[segment] = float(np.max(np.linalg.norm(there - result.arrays[f"{segment}.position"], axis=1)))
+        return changes
 
 
 def displacement_weights(robot):
@@ -210,7 +268,7 @@ def refuse_massless(plant):
         q = 0.1 * rng.standard_normal(plant.n) * np.minimum(scale, 1.0)
         M = plant.tangents(0.0, q, np.zeros(plant.n))[0][np.ix_(plant.free, plant.free)]
         size = np.sqrt(np.maximum(np.diag(M), 0.0))
-        loose = size <= 1e-9 * np.max(size * 0 + np.sqrt(np.max(np.diag(M), initial=0.0)), initial=0.0) * 1e-3
+        loose = size <= WEIGHTLESS * np.max(size, initial=0.0)
         if not loose.any() and M.size:
             _, values, rows = np.linalg.svd(M / np.outer(size, size))
             loose = np.abs(rows[values <= 1e-13]).max(axis=0, initial=0.0) > 0.1

@@ -5,7 +5,7 @@ from rich.text import Text
 
 from socontrol.programs.result import Value
 from socontrol.report.columns import columns, line, say
-from socontrol.report.said import counted, duration, headline, in_units, segments_of, tips_of
+from socontrol.report.said import counted, discretisation, duration, headline, in_units, segments_of, tips_of
 from socontrol.report.units import fixed, number, readable, with_unit
 
 KINDS = ("kinetic", "elastic", "gravitational")
@@ -146,6 +146,8 @@ def _trust(result, console):
         names = sorted(driven)
         some = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
         say(console, "driven", f"{some}: moved as given, by motors whose work is counted")
+    if "discretisation" in result.details:
+        discretisation(result, console, "motion")
     line(console, "")
 
 

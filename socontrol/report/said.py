@@ -4,8 +4,8 @@ import textwrap
 
 from rich.text import Text
 
-from socontrol.report.columns import line
-from socontrol.report.units import number, quiet, readable
+from socontrol.report.columns import line, say
+from socontrol.report.units import miss, number, quiet, readable
 
 TITLES = {"statics": "statics", "inverse_statics": "inverse statics", "fit": "fit to measurements"}
 
@@ -64,3 +64,15 @@ def in_units(values, digits=4):
         one, name_of_unit = readable(unit, *numbers)
         shown |= {name: [number(x / one, digits), name_of_unit] for name, x in zip(names, numbers, strict=True)}
     return shown
+
+
+def discretisation(result, console, sought):
+    """How far twice the sections would move the ends; `sought`: what the second solve looks for."""
+    changes = result.details["discretisation"]
+    if changes is None:
+        sentence = f"with twice the sections no {sought} was found: the discretisation error is unknown"
+        say(console, "sections", sentence, "bold yellow")
+    elif changes:
+        tips = [name for name in tips_of(result) if name in changes] or list(changes)
+        moved = ", ".join(f"{name} by {miss(changes[name], 'm')}" for name in tips)
+        say(console, "sections", f"twice as many would move {moved}")

@@ -6,7 +6,7 @@ from rich.text import Text
 from socontrol.report import fits, motion_text
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import input_values, inputs_table
-from socontrol.report.said import duration, headline, in_units, segments_of, tips_of
+from socontrol.report.said import discretisation, duration, headline, in_units, segments_of, tips_of
 from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
 
 
@@ -108,7 +108,7 @@ def _trust(result, console, verbose):
     elif details.get("limits") == []:
         say(console, "at limit", "none")
     if "discretisation" in details:
-        _discretisation(result, console)
+        discretisation(result, console, "equilibrium")
     attempts = details.get("attempts", ())
     if len(attempts) > 1:
         _attempts(result, console, attempts, verbose)
@@ -127,21 +127,6 @@ def _unit_of(result, limit):
     if limit["kind"] == "input":
         return next((unit for name, _, unit in input_values(result) if name == limit["name"]), "1")
     return "1" if result.question is None else result.question.robot.coordinate_units[limit["index"]]
-
-
-def _discretisation(result, console):
-    changes = result.details["discretisation"]
-    if changes is None:
-        say(
-            console,
-            "sections",
-            "with twice the sections no equilibrium was found: the discretisation error is unknown",
-            "bold yellow",
-        )
-    elif changes:
-        tips = [name for name in tips_of(result) if name in changes] or list(changes)
-        moved = ", ".join(f"{name} by {miss(changes[name], 'm')}" for name in tips)
-        say(console, "sections", f"twice as many would move {moved}")
 
 
 def _field(attempt, key):
