@@ -345,9 +345,17 @@ def test_steps_that_are_too_long_say_when():
 
 ARM = robot_of({"arm": {**PENDULUM, "limits": [-1, 1]}}, actuators={"motor": {"type": "joint_torque", "joint": "arm"}})
 SHORT = {"type": "table", "times": [0, 0.5], "values": [0, 1]}
+MOTION = {"type": "table", "times": [0, 0.1, 0.3, 0.5], "values": [0, 0.1, 0.3, 0.5]}
 REFUSED = {
     "input's table ends": ({"inputs": {"motor": SHORT}}, "inputs.motor.*ends at 0.5 s"),
-    "motion's table ends": ({"coordinates": {"arm": SHORT}}, "coordinates.arm.*ends at 0.5 s"),
+    "motion's table ends": ({"coordinates": {"arm": MOTION}}, "coordinates.arm.*ends at 0.5 s"),
+    "motion's table is too short": ({"coordinates": {"arm": SHORT}}, "coordinates.arm.*four or more times"),
+    "start of a driven joint": (
+        {"coordinates": {"arm": 0}, "start": {"rates": {"arm": 1}}},
+        "start.rates.arm.*driven",
+    ),
+    "a guess": ({"guess": {"coordinates": {"arm": 1}}}, "guess.*start"),
+    "start beyond limits": ({"start": {"coordinates": {"arm": 3}}}, "start.coordinates.arm.*outside the limits"),
     "beyond limits": (
         {"coordinates": {"arm": {"type": "ramp", "to": 2, "stop": 1}}},
         "coordinates.arm.*reaches 2 rad, above .*limit.* 1 rad",
@@ -402,3 +410,42 @@ def test_a_table_from_a_file_is_the_table_itself(tmp_path):
     ours, theirs = (so.problem({**base, "inputs": {"motor": x}}, tmp_path).solve() for x in (read, written))
     np.testing.assert_array_equal(ours.arrays["q"], theirs.arrays["q"])
     np.testing.assert_allclose(ours.arrays["u"][:, 0], np.interp(ours.arrays["t"], [0, 0.4, 1], [0, 2, 1]), atol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [4, 11])
+def test_a_table_moves_a_joint_at_the_rate_of_its_spline_at_both_ends(rows):
+    """A cubic through points of a cubic is that cubic: t - t^3 / 3 has the rates 1 and 0 at 0 and 1."""
+    times = np.linspace(0, 1, rows)
+    table = {"type": "table", "times": times.tolist(), "values": (times - times**3 / 3).tolist()}
+    result = simulated(robot_of({"arm": PENDULUM}), 1.0, 0.1, coordinates={"arm": table}).require()
+    np.testing.assert_allclose(result.arrays["qd"][:, 0], 1 - result.arrays["t"] ** 2, atol=1e-9)
+
+
+def test_a_settled_robot_stays_and_is_solved():
+    """Nothing moves, so nothing but rounding is left of the energies: no share of it may reject the answer."""
+    result = simulated(SOFT, 0.5, 0.1, start={"settled": True}).require()
+    np.testing.assert_allclose(result.arrays["q"], np.tile(result.arrays["q"][0], (6, 1)), atol=1e-9)
+
+
+def test_a_joint_that_a_motor_turns_keeps_its_chart():
+    """A planar joint whose turn is driven cannot be written anew; a full turn away it says so."""
+    planar = robot_of({"p": {"type": "planar", "body": BAR}})
+    drive = {"coordinates": {"p.0": {"type": "rate", "rate": 4}}}
+    half = simulated(planar, 1.0, 0.1, **drive).require()
+    np.testing.assert_allclose(half.arrays["q"][:, 0], 4 * half.arrays["t"], atol=1e-12)
+    result = simulated(planar, 2.0, 0.1, **drive)
+    assert result.status.outcome == "numerical" and "joint p is nearly a full turn away" in result.status.message
+    assert len(result.arrays["t"]) > 10
+
+
+def test_crushed_rods_are_named():
+    robot = robot_of({"rod": {**rod(), "strains": ["stretch"]}})
+    loads = {"push": {"type": "wrench", "on": "rod", "force": [-1e5, 0, 0], "axes": "body"}}
+    result = simulated(robot, 0.5, 0.1, loads=loads)
+    assert result.status.outcome == "numerical" and "rod.0" in result.status.message
+
+
+def test_doubled_sections_move_the_ends_little():
+    result = simulated(SOFT, 0.2, 0.1, discretisation=True).require()
+    changes = result.details["discretisation"]
+    assert 0 < changes["rod"] < 0.05

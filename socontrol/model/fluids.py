@@ -44,7 +44,7 @@ class Spheroid:
     across: Length
 
     def __post_init__(self):
-        if not (is_symbolic(self.along) or is_symbolic(self.across)) and not 1e-3 < self.along / self.across < 1e3:
+        if not (is_symbolic(self.along) or is_symbolic(self.across)) and not 1e-5 < self.along / self.across < 1e5:
             given = f"{self.along:g} m along and {self.across:g} m across"
             raise Bad("across", f"{given}: a needle or a sheet, no spheroid")
 
