@@ -11,6 +11,8 @@ _HOMES = {
     "problem": "socontrol.files.problem_file",
     "solve": "socontrol.programs.questions",
     "load_result": "socontrol.files.result_file",
+    "codegen": "socontrol.codegen",
+    "load_compiled": "socontrol.codegen.loaded",
     "Robot": "socontrol.mechanics.robot",
     "Result": "socontrol.programs.result",
     "NotSolved": "socontrol.programs.result",

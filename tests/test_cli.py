@@ -453,7 +453,7 @@ def test_a_result_is_replaced_whole(folder, socontrol):
 
 
 @pytest.mark.parametrize("swap", [True, False], ids=["exchanged", "renamed"])
-@pytest.mark.parametrize("step", ["json_of", "yaml_text", "_log", "_change_places"])
+@pytest.mark.parametrize("step", ["json_of", "yaml_text", "_log", "change_places"])
 def test_a_run_stopped_while_it_writes_leaves_the_old_result(folder, socontrol, monkeypatch, step, swap):
     assert solve(socontrol, "reach.yaml")[0] == 0
     before = (folder / "results/reach/result.json").read_text()
@@ -486,7 +486,7 @@ cli.run(["solve", "reach.yaml", "--no-figures", "-q"])
 """
 
 
-@pytest.mark.parametrize("step", ["_log", "_change_places"])
+@pytest.mark.parametrize("step", ["_log", "change_places"])
 def test_a_killed_run_leaves_the_old_result_whole(folder, socontrol, step):
     solve(socontrol, "reach.yaml")
     before = (folder / "results/reach/result.json").read_text()

@@ -611,6 +611,15 @@ def test_terms_are_the_same_as_DM_SX_and_MX(case):
         assert gap(sx, ca.densify(dm)) < 1e-11
 
 
+@pytest.mark.parametrize("case", [case for case in CASES if case.shape == "bent"], ids=str)
+def test_one_call_a_section_gives_the_same_motion(case):
+    one, chained = case.functions, case.robot.functions(chained=True)
+    q, qd, qdd, u = case.q, case.qd, case.qdd, case.u
+    for name, given in (("inverse_dynamics", (q, qd, qdd)), ("forward_dynamics", (q, qd, u))):
+        assert gap(getattr(chained, name)(*given), getattr(one, name)(*given)) < 1e-11, name
+    assert gap(chained.motion_residual(q, qd, qdd, u), one.motion_residual(q, qd, qdd, u)) < 1e-11
+
+
 @cache
 def directional(name):
     """(x, v) -> slope of tau along v, x = [q, qd, qdd]; (y, e) -> qdd, its slope and that of B u, y = [q, qd, u]."""

@@ -56,6 +56,7 @@ FREE_INSIDE = {  # folders whose modules may import one another, without cycles
 }
 UPWARD = {  # the imports inside functions that look up, each with its reason
     ("mechanics/robot", "mechanics/functions"): "Robot.functions() is the door to what is built of a robot",
+    ("mechanics/robot", "native/compiled"): "Robot.functions(compiled=True) is that door with a C compiler behind it",
 }
 LEAN = ("lie", "model", "mechanics", "programs", "native")  # these need casadi and numpy alone
 SKIPPED = {"__init__"}  # the package's own holds lazy names only

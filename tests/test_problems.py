@@ -33,6 +33,7 @@ SHOWCASE = [
     "stiff_flop_mini_square",
     "stiff_flop_reach",
     "stiff_flop_two_modules_pose",
+    "stiff_flop_two_modules_tip",
     "stiff_flop_under_load",
     "stiff_flop_unreachable",
     "tendon_closed_form",

@@ -58,6 +58,13 @@ class FileKind(StrEnum):
     problem = "problem"
 
 
+class Real(StrEnum):
+    """Types of numbers in C."""
+
+    double = "double"
+    float = "float"
+
+
 def version(wanted: bool):
     if wanted:
         import socontrol
@@ -83,13 +90,14 @@ def solve(
     set_: Overrides = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False,
     verify: Annotated[bool, typer.Option("--verify", help="Fail (7) where `expect:` is missed.")] = False,
+    compiled: Annotated[bool, typer.Option("--compiled", help="Through compiled C: for long work.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     verbose: Verbose = 0,
 ):
     """Solve problems and write a result folder for each."""
     from socontrol.cli.solve import Settings, solve_all
 
-    settings = Settings(output, json, tuple(set_ or ()), not no_figures, verify, quiet, verbose)
+    settings = Settings(output, json, tuple(set_ or ()), not no_figures, verify, quiet, verbose, compiled)
     return solve_all(problems, settings)
 
 
@@ -116,6 +124,25 @@ def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.", show_d
 
     print(schema_text(kind.value), end="")
     return 0
+
+
+@app.command()
+def codegen(
+    file: Annotated[Path, typer.Argument(help="A robot or problem file.", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the C code.", show_default=False)],
+    functions: Annotated[
+        str | None,
+        typer.Option(help="Names with commas between them: mass, pose, pose@SEGMENT:X ... (a robot's default: all)."),
+    ] = None,
+    real: Annotated[Real, typer.Option(help="Type of the numbers; float for a robot's functions only.")] = Real.double,
+    force: Annotated[bool, typer.Option("--force", help="Write code beyond the budgets of size and time.")] = False,
+    set_: Overrides = None,
+    verbose: Verbose = 0,
+):
+    """Write a folder of C code for a controller."""
+    from socontrol.cli.codegen import export
+
+    return export(file, output, functions, real.value, force, tuple(set_ or ()))
 
 
 @app.command()

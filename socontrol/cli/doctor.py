@@ -30,6 +30,7 @@ def examine():
         trouble = _tried(name)
         _line(f"ipopt with {name}", trouble or "ok, solved x = 1 on (x - 1)^2")
         missing += [f"ipopt with {name}"] if trouble and needed else []
+    _compiler()
     if missing:
         say(f"missing: {', '.join(missing)}; pip install --force-reinstall socontrol brings them")
         return MISSING_TOOL
@@ -38,6 +39,19 @@ def examine():
 
 def _line(what, found):
     print(f"{what:<26}{found}")
+
+
+def _compiler():
+    """A line about the C compiler, which nothing needs but the wish for compiled C."""
+    from socontrol.native import compiler
+
+    try:
+        compiler.library("int answer(void) { return 42; }")
+        _line(f"C compiler {compiler.find()}", "ok, for --compiled")
+    except compiler.NoCompiler as error:
+        _line("C compiler", f"optional, for --compiled: {error}")
+    except compiler.CompileError as error:
+        _line(f"C compiler {compiler.find()}", f"not usable, optional, for --compiled: {error}")
 
 
 def _version(package):

@@ -1,6 +1,8 @@
 """`socontrol solve`: read, solve, compare with what is expected, write the result folder, print."""
 
 import json
+import warnings
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +27,7 @@ class Settings:
     verify: bool = False
     quiet: bool = False
     verbose: int = 0
+    compiled: bool = False
 
 
 def solve_all(problems, settings):
@@ -72,8 +75,8 @@ def _solved(path, settings, interrupts):
         raise document.error(("expect",), "missing key 'expect': --verify has nothing to compare with")
     folder = settings.output / path.stem
     refuse_foreign(folder)
-    with progress(path.stem, interrupts.check, not settings.quiet) as show:
-        result = _answer(keeping_log(question), document, show)
+    with progress(path.stem, interrupts.check, not settings.quiet) as show, spoken():
+        result = _answer(keeping_log(question), document, show, settings.compiled)
     comparisons = compare(document, result)
     wanted = settings.figures and result.status.exit_code != INTERRUPTED  # who stops wants to wait no longer
     trouble = save(result, document, folder, comparisons, _draw if wanted else None)
@@ -85,10 +88,29 @@ def _solved(path, settings, interrupts):
     return code, {**own, **json_of(result, document, comparisons)}
 
 
-def _answer(question, document, show):
+@contextmanager
+def spoken():
+    """While entered, warnings about the C compiler are a line on stderr each."""
+    from socontrol.native.compiler import CompilerWarning
+
+    before = warnings.showwarning
+
+    def show(message, category, *place):
+        if issubclass(category, CompilerWarning):
+            say(message)
+        else:
+            before(message, category, *place)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", CompilerWarning)
+        warnings.showwarning = show
+        yield
+
+
+def _answer(question, document, show, compiled):
     """Result of the question; Ctrl-C outside the solver gives one without numbers."""
     try:
-        return solve(question, document, show)
+        return solve(question, document, show, compiled)
     except (Exception, KeyboardInterrupt) as error:
         if not interrupted(error):
             raise

@@ -20,6 +20,7 @@ from socontrol.files.loader import (
 )
 from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
+from socontrol.programs import questions
 from socontrol.programs.questions import QUESTIONS, SOLVERS, Solver
 from socontrol.programs.signals import LONGEST
 from socontrol.programs.singular import unheld
@@ -158,10 +159,10 @@ def question_of(document):
     return question
 
 
-def solve(question, document, progress=None):
+def solve(question, document, progress=None, compiled=False):
     """Result of a question; a mistake that shows only now is a FileError of the document it was read from."""
     try:
-        return question.solve(progress=progress)
+        return questions.solve(question, progress, compiled)
     except Bad as bad:
         raise document.error(keys_in(document.data, bad.key), str(bad)) from None
 

@@ -92,7 +92,7 @@ def save(result, document, folder, comparisons=(), draw=None):
         part.mkdir()
         try:
             trouble = _fill(part, result, document, comparisons, draw)
-            _change_places(part, folder)
+            change_places(part, folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)
     except OSError as error:
@@ -170,7 +170,7 @@ def _log(result):
     return head + (f"\n{result.log}" if result.log else "")
 
 
-def _change_places(part, folder):
+def change_places(part, folder):
     """Put the finished folder `part` where `folder` is; the old one takes its place, to be deleted."""
     if not folder.exists():
         os.rename(part, folder)

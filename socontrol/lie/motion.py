@@ -1,10 +1,11 @@
 """An arc exp(s xi) whose twist xi(t) changes while its base moves: what every place on it does, and what it feels.
 
-With xi = [k; p], x = k.k and phi_n(s) = s^n c_n(s^2 x) (Stumpff functions c_n) the arc has
-    r(s) = sum_n phi_n u_n,   u = (p, k x p, k k.p),      rotation rate sum_n phi_n t_n,  t = (kd, k x kd, k k.kd)
+With xi = [k; p], K = skew(k), x = k.k and phi_n(s) = s^n c_n(s^2 x) (Stumpff functions c_n) the arc has
+    A(s) = s I + phi_2 K + phi_3 K^2,     r(s) = A p,     rotation rate A kd,     R(s) = I + A K
 so position, velocity and acceleration of a place are sums of few vectors, the same for the whole arc, with weights
-that depend on the place: phi_n and their derivatives phi_n', phi_n'' in x. Forces are collected with the same weights
-and projected once. This makes a quadrature node cost a few weighted sums, not products of 6 x 6 matrices.
+that depend on the place: s, phi_2, phi_3 and their derivatives in x. Forces are collected with the same weights and
+projected once (and masses with products of two weights). This makes a quadrature node cost a few weighted sums, not
+products of 6 x 6 matrices.
 All vectors are seen from the base of the arc. Source of the kinematics: F. Renda et al., T-RO 2018.
 """
 
@@ -45,12 +46,12 @@ class Motion(NamedTuple):
 
 def rest():
     """The motion of the world."""
-    return Motion(*(ca.DM(3, 1) for _ in range(4)))
+    return Motion(*(ca.DM.zeros(3, 1) for _ in range(4)))
 
 
 def from_stack(column):
     """Motion of its stacked components [12]."""
-    return Motion(column[:3], column[3:6], column[6:9], column[9:])
+    return Motion(*ca.vertsplit(column, 3))  # what `stacked` undoes without a trace
 
 
 @lru_cache(maxsize=4096)
@@ -61,36 +62,35 @@ def terms_up_to(fraction):
 
 
 class Weights:
-    """phi, phi' and phi'' [3 each] and the rotation at s, a `fraction` of the arc of curvature vector k."""
+    """At s, a `fraction` of the arc of curvature vector k: phi = (s, phi_2, phi_3), slope and bend [2 each] the first
+    and second derivatives of phi_2 and phi_3 in x, turn = phi_1."""
 
     def __init__(self, k, s, fraction):
         x = ca.dot(k, k)
         c = stumpff.series(s**2 * x, terms_up_to(fraction), top=7)
         slope = stumpff.slopes(c)
         bend = stumpff.slopes(slope)
-        self.phi = ca.vertcat(*(s**n * c[n] for n in (1, 2, 3)))
-        self.slope = ca.vertcat(*(s ** (n + 2) * slope[n] for n in (1, 2, 3)))
-        self.bend = ca.vertcat(*(s ** (n + 4) * bend[n] for n in (1, 2, 3)))
-        diagonal, off = so3.outer(k)
-        self.R = so3.assemble(c[0] + s**2 * c[2] * diagonal, s**2 * c[2] * off, s * c[1] * k)
-        self.A = so3.assemble(self.phi[0] + self.phi[2] * diagonal, self.phi[2] * off, self.phi[1] * k)
+        self.turn = s * c[1]
+        self.phi = ca.vertcat(s, s**2 * c[2], s**3 * c[3])
+        self.slope = ca.vertcat(*(s ** (n + 2) * slope[n] for n in (2, 3)))
+        self.bend = ca.vertcat(*(s ** (n + 4) * bend[n] for n in (2, 3)))
 
 
 def _fan(k, p):
-    """[p, k x p, k k.p] as columns [3 x 3]."""
-    return ca.horzcat(p, ca.cross(k, p), k * ca.dot(k, p))
+    """[p, k x p, k x (k x p)] as columns [3 x 3]."""
+    once = ca.cross(k, p)
+    return ca.horzcat(p, once, ca.cross(k, once))
 
 
 def _fan_rate(k, kd, p, pd):
-    along = ca.dot(kd, p) + ca.dot(k, pd)
-    return ca.horzcat(pd, ca.cross(kd, p) + ca.cross(k, pd), kd * ca.dot(k, p) + k * along)
+    once = ca.cross(kd, p) + ca.cross(k, pd)
+    return ca.horzcat(pd, once, ca.cross(kd, ca.cross(k, p)) + ca.cross(k, once))
 
 
 def _fan_second(k, kd, kdd, p, pd, pdd):
-    along = ca.dot(kd, p) + ca.dot(k, pd)
-    second = ca.dot(kdd, p) + 2 * ca.dot(kd, pd) + ca.dot(k, pdd)
-    turning = ca.cross(kdd, p) + 2 * ca.cross(kd, pd) + ca.cross(k, pdd)
-    return ca.horzcat(pdd, turning, kdd * ca.dot(k, p) + 2 * kd * along + k * second)
+    once, rate = ca.cross(k, p), ca.cross(kd, p) + ca.cross(k, pd)
+    second = ca.cross(kdd, p) + 2 * ca.cross(kd, pd) + ca.cross(k, pdd)
+    return ca.horzcat(pdd, second, ca.cross(kdd, once) + 2 * ca.cross(kd, rate) + ca.cross(k, second))
 
 
 class Arc:
@@ -99,6 +99,9 @@ class Arc:
     def __init__(self, xi):
         self.k, self.p = xi[:3], xi[3:]
         self.u = _fan(self.k, self.p)
+        self._outer = so3.outer(self.k)
+        self.x = ca.sum1(self._outer[0])
+        self.Q = self.k @ self.p.T - 2 * self.p @ self.k.T + ca.dot(self.k, self.p) * ca.DM.eye(3)
 
     def weights(self, s, fraction):
         return Weights(self.k, s, fraction)
@@ -107,18 +110,38 @@ class Arc:
         """r [3]."""
         return self.u @ at.phi
 
-    def pose(self, at):
-        return se3.pose(at.R, self.position(at))
+    def rotation(self, at):
+        """R [3 x 3]."""
+        diagonal, off = self._outer
+        return so3.assemble(1 + at.phi[1] * (diagonal - self.x), at.phi[1] * off, at.turn * self.k)
 
-    def reach(self, at):
-        """dr/dk [3 x 3]; dr/dp is `at.A`, and so is the map from kd to the rotation rate."""
-        k, p = self.k, self.p
-        twisted = at.phi[2] * ca.dot(k, p) * ca.DM.eye(3) + at.phi[2] * k @ p.T - at.phi[1] * ca.skew(p)
-        return twisted + (self.u @ at.slope) @ (2 * k).T
+    def pose(self, at):
+        return se3.pose(self.rotation(at), self.position(at))
+
+    def A(self, phi):
+        """phi[0] I + phi[1] K + phi[2] K^2 [3 x 3], of the weights `phi` of a place or of their sums."""
+        diagonal, off = self._outer
+        return so3.assemble(phi[0] + phi[2] * (diagonal - self.x), phi[2] * off, phi[1] * self.k)
+
+    def back(self, *sums):
+        """sum of A^T f [3 x n] from the sums of s f, phi_2 f and phi_3 f [3 x n each] over places."""
+        K = ca.skew(self.k)
+        return sums[0] - K @ (sums[1] - K @ sums[2])
+
+    def squares(self, P):
+        """sum of A^T A = A A^T [3 x 3] from the sums P [3 x 3] of the products of s, phi_2 and phi_3 over places."""
+        return self.A((P[0, 0], 0, 2 * P[2, 0] - P[1, 1] - self.x * P[2, 2]))
+
+    def reach(self, phi, slope):
+        """dr/dk [3 x 3], of the weights of a place or of their sums; dr/dp is `A`."""
+        bent = self.u[:, 1:] @ slope
+        return phi[2] * self.Q - phi[1] * ca.skew(self.p) + bent @ (2 * self.k).T
 
     def tangent(self, at):
         """T [6 x 6]: the twist about the base's origin that the rate of xi gives at s, s tangent(s xi)."""
-        return ca.blockcat([[at.A, ca.DM(3, 3)], [self.reach(at) + ca.skew(self.position(at)) @ at.A, at.A]])
+        A = self.A(at.phi)
+        turned = self.reach(at.phi, at.slope) + ca.skew(self.position(at)) @ A
+        return ca.blockcat([[A, ca.DM(3, 3)], [turned, A]])
 
 
 class MovingArc(Arc):
@@ -131,13 +154,13 @@ class MovingArc(Arc):
         u, ud, udd = self.u, _fan_rate(k, kd, p, pd), _fan_second(k, kd, kdd, p, pd, pdd)
         t, td = _fan(k, kd), _fan_rate(k, kd, kd, kdd)
         W = ca.skew(base.w)
-        sweep = ud + W @ u
+        sweep, bent = ud + W @ u, u[:, 1:]
         self.base = base
-        self._velocity = sweep, y * u
+        self._velocity = sweep, y * bent
         self._acceleration = (
-            udd + 2 * (W @ ud) + (ca.skew(base.dw) + W @ W) @ u, 2 * y * sweep + yd * u, y**2 * u
+            udd + 2 * (W @ ud) + (ca.skew(base.dw) + W @ W) @ u, 2 * y * sweep[:, 1:] + yd * bent, y**2 * bent
         )  # fmt: skip
-        self._spin, self._spin_rate = t, (td + W @ t, y * t)
+        self._spin, self._spin_rate = t, (td + W @ t, y * t[:, 1:])
 
     def motion(self, at):
         """Motion at s, in the axes of the base."""
@@ -156,7 +179,7 @@ class Collected:
 
     def __init__(self, arc):
         self.arc, self.force, self.moment = arc, ca.DM(3, 1), ca.DM(3, 1)
-        self._forces, self._slopes, self._moments = ca.DM(3, 3), ca.DM(3, 3), ca.DM(3, 3)
+        self._forces, self._slopes, self._moments = ca.DM(3, 3), ca.DM(3, 2), ca.DM(3, 3)
 
     def add(self, at, moment, force):
         """A moment [3] and a force [3], axes of the base, at the place `at` belongs to."""
@@ -172,9 +195,7 @@ class Collected:
 
     def work(self):
         """Q [6] with Q . xid = power of the wrenches when only xi changes."""
-        k, p, F, M = self.arc.k, self.arc.p, self._forces, self._moments
-        by_p = F[:, 0] - ca.cross(k, F[:, 1]) + k * ca.dot(k, F[:, 2])
-        by_k = M[:, 0] - ca.cross(k, M[:, 1]) + k * ca.dot(k, M[:, 2])
-        by_k += ca.cross(p, F[:, 1]) + F[:, 2] * ca.dot(k, p) + p * ca.dot(k, F[:, 2])
-        by_x = ca.dot(self.arc.u, self._slopes)
-        return ca.vertcat(by_k + 2 * k * by_x, by_p)
+        arc, F = self.arc, self._forces
+        by_x = ca.dot(arc.u[:, 1:], self._slopes)
+        by_k = arc.back(*ca.horzsplit(self._moments)) + ca.cross(arc.p, F[:, 1]) + arc.Q.T @ F[:, 2]
+        return ca.vertcat(by_k + 2 * arc.k * by_x, arc.back(*ca.horzsplit(F)))

@@ -155,11 +155,6 @@ class Functions:
     def _external(self):
         return self._statics.weights_and_loads() + newton_euler.water_force(self.robot, self._q, self._qd)
 
-    def _still(self):
-        """Elastic + damping qd - weights and loads [n]: what is left of tau where masses and water do not count."""
-        s = self._statics
-        return s.elastic_force() + s.damping() @ self._qd - s.weights_and_loads()
-
     @property
     def mass(self):
         """M [n x n], with added mass (q)."""
@@ -174,24 +169,35 @@ class Functions:
     def inverse_dynamics(self):
         """tau [n] = M qdd + C qd + elastic + damping qd - external, without loops (q, qd, qdd)."""
 
-        def forces(robot, q, qd, qdd, still):
-            return newton_euler.inertial_force(robot, q, qd, qdd) + still
+        def forces(robot, q, qd, qdd, still, gravity):
+            return newton_euler.inertial_force(robot, q, qd, qdd, gravity=gravity) + still(q, qd)
 
         return self._moving("inverse_dynamics", ("q", "qd", "qdd"), forces)
 
     def _moving(self, name, arguments, compute):
-        """Function of motion: compute(robot, q, qd, third argument, still) with `still` what masses do not count in."""
+        """Function of motion: compute(robot, q, qd, further arguments, still, gravity) with still(q, qd) what masses do
+        not count in, and `gravity` what the masses shall weigh by themselves; None: `still` holds their weight."""
+        gravity = self.robot.description.gravity if self.robot.water is None else None  # no added mass from falling
         if not self.chained:
             symbols = [getattr(self, f"_{a}") for a in arguments]
-            return self._function(name, arguments, lambda: compute(self.robot, *symbols, self._still()))
+            return self._function(
+                name, arguments, lambda: compute(self.robot, *symbols, lambda q, qd: self._unmoved(gravity), gravity)
+            )
         if name not in self._made:
             if self.parameters:
                 raise ValueError("chained functions take no parameters; leave `chained` or `parameters` out")
             symbols = [ca.MX.sym(a, getattr(self, f"_{a}").numel()) for a in arguments]
-            still = ca.Function("still", [self._q, self._qd], [ca.densify(self._still())])(*symbols[:2])
-            function = ca.Function(name, symbols, [compute(self.robot, *symbols, still)], list(arguments), ["out"])
+            still = ca.Function("still", [self._q, self._qd], [ca.densify(ca.SX(self._unmoved(gravity)))])
+            results = [compute(self.robot, *symbols, still, gravity)]
+            function = ca.Function(name, symbols, results, list(arguments), ["out"])
             self._made[name] = RobotFunction(function, self._turning)
         return self._made[name]
+
+    def _unmoved(self, gravity):
+        """Elastic + damping qd - loads [n], less the weights unless masses weigh by themselves under `gravity`."""
+        s = self._statics
+        carried = s.weights_and_loads() if gravity is None else s.applied_force()
+        return s.elastic_force() + s.damping() @ self._qd - carried
 
     @property
     def floating_inverse_dynamics(self):
@@ -202,7 +208,8 @@ class Functions:
         floating.base_piece(self.robot.tree)
 
         def answers():
-            return list(floating.inverse_dynamics(self.robot, self._kin, self._qd, self._qdd_joints, self._still()))
+            other = self._unmoved(None)
+            return list(floating.inverse_dynamics(self.robot, self._kin, self._qd, self._qdd_joints, other))
 
         arguments = ("q", "qd", "qdd_joints")
         return self._function("floating_inverse_dynamics", arguments, answers, ["qdd_base", "forces"])
@@ -211,24 +218,25 @@ class Functions:
     def forward_dynamics(self):
         """qdd [n] by articulated bodies (q, qd, u)."""
 
-        def answer(robot, q, qd, u, still):
-            return articulated.accelerations(robot, q, qd, self._driving(q, u) - still)
+        def answer(robot, q, qd, u, still, gravity):
+            return articulated.accelerations(robot, q, qd, self._driving(q, u) - still(q, qd), gravity)
 
         return self._moving("forward_dynamics", ("q", "qd", "u"), answer)
 
     def _driving(self, q, u):
         """B(q) u [n]."""
-        return self._statics.actuation() @ u if not self.chained else self.actuation.function(q) @ u
+        driving = self._statics.actuation() @ self._u
+        return ca.Function("driving", [self._q, self._u], [ca.densify(driving)])(q, u) if self.chained else driving
 
     @property
     def motion_residual(self):
         """inverse_dynamics - B u [n]: what is missing for motion under inputs u (q, qd, qdd, u)."""
 
-        def missing():
-            inertial = newton_euler.inertial_force(self.robot, self._q, self._qd, self._qdd)
-            return inertial + self._still() - self._statics.actuation() @ self._u
+        def missing(robot, q, qd, qdd, u, still, gravity):
+            inertial = newton_euler.inertial_force(robot, q, qd, qdd, gravity=gravity)
+            return inertial + still(q, qd) - self._driving(q, u)
 
-        return self._function("motion_residual", ("q", "qd", "qdd", "u"), missing)
+        return self._moving("motion_residual", ("q", "qd", "qdd", "u"), missing)
 
     @property
     def motion_tangents(self):

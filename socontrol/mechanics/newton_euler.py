@@ -7,13 +7,12 @@ Source: F. Renda, L. Seneviratne, ICRA 2018; R. Featherstone, "Rigid Body Dynami
 
 import casadi as ca
 
-from socontrol.lie import se3
-from socontrol.mechanics.motion import PARTS, Sweep, is_identity, shielded
+from socontrol.mechanics.motion import PARTS, Sweep, is_identity, shielded, turned
 
 
-def inertial_force(robot, q, qd, qdd, parts=PARTS, current=True):
-    """M qdd + C qd [n], less the forces of the water (drag, lift) among `parts`."""
-    return project(Sweep(robot, q, qd, qdd, parts=parts, current=current))
+def inertial_force(robot, q, qd, qdd, parts=PARTS, current=True, gravity=None):
+    """M qdd + C qd [n], less the forces of the water (drag, lift) among `parts` and the weights under `gravity`."""
+    return project(Sweep(robot, q, qd, qdd, parts=parts, current=current, gravity=gravity))
 
 
 def water_force(robot, q, qd):
@@ -77,13 +76,6 @@ def _gathered(sweep):
 def _add(F, Q, carried, pose, S):
     at_base = turned(pose, carried)
     return F + at_base, Q + S.T @ at_base
-
-
-def turned(pose, F):
-    """coAd(pose) F: the wrench F [6] of the frame `pose`, seen from the frame it is given in."""
-    R, r = se3.rotation(pose), se3.position(pose)
-    force = R @ F[3:]
-    return ca.vertcat(R @ F[:3] + ca.cross(r, force), force)
 
 
 def _placed(pose):

@@ -2,7 +2,7 @@
 
 import copy
 import re
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -52,10 +52,14 @@ class Description:
 
 @dataclass(frozen=True)
 class Robot:
-    """The tree of pieces with loads and actuators. `factor` multiplies the Gauss points of every rod."""
+    """The tree of pieces with loads and actuators.
+
+    factor: multiplies the Gauss points of every rod; compiled: `functions()` are compiled C where nothing else is said.
+    """
 
     description: Description
     factor: int = 1
+    compiled: bool = False
 
     @cached_property
     def tree(self):
@@ -184,7 +188,8 @@ class Robot:
         return total or 1.0
 
     def refined(self, sections=1, factor=1):
-        """The same robot with `sections` times as many sections a rod and `factor` times the Gauss points."""
+        """The same robot with `sections` times as many sections a rod and `factor` times the Gauss points, uncompiled:
+        it is asked once or twice, to check."""
         segments = {
             name: _changed(s, "sections", _split(s.sections, sections)) if isinstance(s, Rod) else s
             for name, s in self.description.segments.items()
@@ -199,7 +204,12 @@ class Robot:
         """The same robot with further named loads."""
         if not loads:
             return self
-        return Robot(_changed(self.description, "loads", {**(self.description.loads or {}), **loads}), self.factor)
+        loads = {**(self.description.loads or {}), **loads}
+        return replace(self, description=_changed(self.description, "loads", loads))
+
+    def in_c(self):
+        """The same robot whose `functions()` are compiled C; see `functions`."""
+        return replace(self, compiled=True)
 
     def value(self, path):
         """The value at a dotted path such as `module.material.young_modulus` or `loads.tip.force`."""
@@ -213,7 +223,7 @@ class Robot:
         description = self.description
         for path, value in values.items():
             description = _set(description, self._keys(path), value)
-        return Robot(description, self.factor)
+        return replace(self, description=description)
 
     def _keys(self, path):
         """Keys from the description to a value; raises ValueError with what stands there instead."""
@@ -248,10 +258,14 @@ class Robot:
             offset[own] = length * np.array(ca.DM(piece.xi_bar))[:3, 0]
         return [f"{piece.segment}.{piece.index}" for piece in rods], slope, offset
 
-    def functions(self, parameters=(), chained=False):
+    def functions(self, parameters=(), chained=False, compiled=None):
         """Named CasADi Functions of this robot; `parameters`: paths of values that become a trailing argument;
-        `chained`: dynamics as one call a section."""
-        from socontrol.mechanics.functions import Functions
+        `chained`: dynamics as one call a section; `compiled` (default: as the robot): machine code, made by the C
+        compiler when a Function is first called and kept for later, that returns numpy arrays."""
+        if self.compiled if compiled is None else compiled:
+            from socontrol.native.compiled import CompiledFunctions as Functions
+        else:
+            from socontrol.mechanics.functions import Functions
 
         return Functions(self, tuple(parameters), chained)
 

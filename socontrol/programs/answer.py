@@ -22,7 +22,7 @@ class Look:
 
     def __init__(self, question, balance):
         self.question, self.balance, self.robot = question, balance, question.loaded
-        self.functions = self.robot.functions()
+        self.functions = self.robot.functions(compiled=False)  # each is called once or twice
 
     @cached_property
     def _checker(self):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from socontrol.mechanics.loads import Wrench, is_zero
+from socontrol.native.buffers import buffered
 from socontrol.programs.result import Status
 from socontrol.programs.scaling import scales
 
@@ -37,14 +38,10 @@ class Balance:
         self.defaults = functions.defaults
         self.function = functions.statics.function
         self.scales = scaling or scales(robot)
-        n, m = robot.n, robot.m
-        self._q, self._u, self._p = np.zeros(n), np.zeros(m), np.array(self.defaults)
-        self._r, self._K, self._B = np.zeros(n), np.zeros((n, n)), np.zeros((m, n))
-        self._buffer, self._run = self.function.buffer()
-        for index, array in enumerate((self._q, self._u, self._p)[: self.function.n_in()]):
-            self._buffer.set_arg(index, memoryview(array))
-        for index, array in enumerate((self._r, self._K, self._B)):
-            self._buffer.set_res(index, memoryview(array))
+        self._buffers = buffered(functions.statics)
+        self._q, self._u, self._p = (*self._buffers.inputs, np.array(self.defaults))[:3]
+        (self._r,), self._K, self._B = self._buffers.outputs
+        self._run = self._buffers.run
 
     def evaluate(self, q, u, p=None):
         """Residual [n], tangent [n x n] and actuation [n x m] (SI); the arrays are reused by the next call."""

@@ -1,4 +1,7 @@
-"""Costs of a posture: each record gives a dimensionless expression of (q, u), scaled by the robot's own magnitudes."""
+"""Costs of a posture: each record gives a dimensionless expression of (q, u), scaled by the robot's own magnitudes.
+
+A cost that is half a sum of squares has `rows`, what is squared.
+"""
 
 from typing import Annotated, Any
 
@@ -14,9 +17,11 @@ class Effort:
 
     weight: PositiveNumber = 1.0
 
+    def rows(self, posture):
+        return ca.sqrt(self.weight) * posture.u / ca.DM(posture.u_scale)
+
     def expression(self, posture):
-        scaled = posture.u / ca.DM(posture.u_scale)
-        return self.weight * ca.sumsqr(scaled) / 2
+        return ca.sumsqr(self.rows(posture)) / 2
 
 
 @record(kw_only=True)
@@ -32,8 +37,10 @@ class Reference:
             raise Bad("coordinates", "no reference is given; name coordinates or inputs")
 
     def expression(self, posture):
-        total = 0
-        robot = posture.robot
+        return ca.sumsqr(self.rows(posture)) / 2
+
+    def rows(self, posture):
+        rows, robot = [], posture.robot
         for key, names, units, x, scale in (
             ("coordinates", robot.coordinates, robot.coordinate_units, posture.q, posture.q_scale),
             ("inputs", robot.inputs, robot.input_units, posture.u, posture.u_scale),
@@ -46,8 +53,8 @@ class Reference:
                     number = Unit(units[i], angle=units[i] == "rad").read(value)
                 except ValueError as error:
                     raise Bad(f"{key}.{name}", str(error)) from None
-                total += ((x[i] - number) / float(np.asarray(scale)[i])) ** 2 / 2
-        return self.weight * total
+                rows.append((x[i] - number) / float(np.asarray(scale)[i]))
+        return ca.sqrt(self.weight) * ca.vertcat(*rows)
 
 
 @record(kw_only=True)

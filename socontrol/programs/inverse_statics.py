@@ -110,7 +110,7 @@ class InverseSolver:
         if self.path:
             goals[self.path[0]] = self.path[1].stop(self.path[1].waypoints()[0])
         robot = question.loaded
-        self.balance = Balance(robot, load_parameters(robot))
+        self.balance = Balance(replace(robot, compiled=False), load_parameters(robot))  # a few solves: rest, starts
         self.posture = Posture(question, goals, self.balance)
         self.look = Look(question, self.balance)
 

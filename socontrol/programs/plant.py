@@ -7,29 +7,10 @@ free ones; on the driven ones it is the force their motors apply.
 import casadi as ca
 import numpy as np
 
+from socontrol.native.buffers import Buffered, buffered
 from socontrol.programs import signals
 
 WORKS = ("inputs", "loads", "damping", "water", "motors")  # what does work, in the order of `Plant.power`
-
-
-class Buffered:
-    """A CasADi Function called through fixed arrays: a call costs a third of a microsecond more than the work."""
-
-    def __init__(self, function):
-        self.inputs = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
-        self.outputs = [np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out())]
-        self._buffer, self.run = function.buffer()
-        for i, array in enumerate(self.inputs):
-            self._buffer.set_arg(i, memoryview(array))
-        for i, array in enumerate(self.outputs):
-            self._buffer.set_res(i, memoryview(array))
-
-    def __call__(self, *args):
-        """Outputs as arrays that the next call overwrites; matrices are transposed (CasADi stores columns)."""
-        for array, value in zip(self.inputs, args, strict=True):
-            array[:] = value
-        self.run()
-        return self.outputs
 
 
 class Plant:
@@ -42,9 +23,9 @@ class Plant:
         paths, self._scaled = _load_values(robot, factors)
         self.functions = robot.functions(paths)
         f = self.functions
-        self._residual = Buffered(f.motion_residual.function)
-        self._tangents = Buffered(f.motion_tangents.function)
-        self._power = Buffered(f.power.function)
+        self._residual = buffered(f.motion_residual)
+        self._tangents = buffered(f.motion_tangents)
+        self._power = buffered(f.power)
         self._inputs = _Sampled(inputs)
         self._driven = _Sampled([driven[i] for i in self.driven], order=2)
         self._factors = _Sampled([factors[name] for name in factors])
@@ -90,7 +71,6 @@ class Plant:
         M = self.tangents(t, q, qd)[0][np.ix_(self.free, self.free)]
         qdd[self.free] -= np.linalg.solve(M, self.residual(t, q, qd, qdd)[self.free])
         return qdd
-
 
     def explicit(self):
         """The equation of motion as casadi.integrator wants it: x = free (q, qd), time start + tau span, works."""

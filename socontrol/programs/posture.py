@@ -83,7 +83,8 @@ class Posture:
         q = program.variable("q", robot.n, scale=s.q, lower=limits["q"][0], upper=limits["q"][1])
         u = program.variable("u", robot.m, scale=s.u, lower=limits["u"][0], upper=limits["u"][1])
         loads = [program.parameter(path, robot.value(path)) for path in self.balance.parameters]
-        terms = _Terms(self.balance, q, u, ca.vertcat(*loads), program)
+        arguments = (q, u, ca.vertcat(*loads))[: self.balance.function.n_in()]
+        terms = Terms(self.balance, q, u, self.balance.function(*arguments), program.variables["q"].symbol)
         slack = np.where(self.free, 0.0, np.inf)
         program.constrain(
             "equilibrium", terms.residual, lower=-slack, upper=slack, scale=s.force, unit="scaled",
@@ -94,11 +95,11 @@ class Posture:
             scale = np.array(goal.scales(robot.length))
             if nearest or goal.weight is not None:
                 weight = NEAREST if goal.weight is None else goal.weight * (SECOND if nearest else 1.0)
-                distance = _rows(name, goal, "distance", robot, terms.kin, target)
+                distance = goal_rows(name, goal, "distance", robot, terms.kin, target)
                 sizes = ca.DM(np.resize(scale, distance.numel()))
                 program.minimize(weight * ca.sumsqr(distance / sizes) / 2)
                 continue
-            miss = _rows(name, goal, "miss", robot, terms.kin, target)
+            miss = goal_rows(name, goal, "miss", robot, terms.kin, target)
             program.constrain(f"goals.{name}", miss, scale=scale, unit=goal.units())
             if hasattr(goal, "guard"):
                 side = goal.guard(robot, terms.kin, target)
@@ -109,7 +110,8 @@ class Posture:
         if anchored:
             pull, anchor = (program.parameter(key, np.zeros(robot.n + robot.m)) for key in ("pull", "anchor"))
             program.minimize(ca.dot(pull, (program.x - anchor) ** 2) / 2)
-        return NLP(program, self.question.solver)
+        often = not anchored and nearest == self.overdetermined  # the others are for goals out of reach
+        return NLP(program, self.question.solver, robot.compiled and often)
 
     def misses(self, q, targets=None):
         """{goal: miss in SI [rows]} at numeric q."""
@@ -125,23 +127,25 @@ class Posture:
         kin = Kinematics(self.robot.tree, q)
         targets = [ca.SX.sym(f"t{k}", len(goal.numbers())) for k, goal in enumerate(self.goals.values())]
         rows = [
-            ca.densify(_rows(name, goal, "measured", self.robot, kin, target))
+            ca.densify(goal_rows(name, goal, "measured", self.robot, kin, target))
             for (name, goal), target in zip(self.goals.items(), targets, strict=True)
         ]
         return ca.Function("misses", [q, *targets], rows)
 
 
-class _Terms:
-    """The expressions costs and constraints are made of (also what `costs` calls a posture)."""
+class Terms:
+    """The expressions costs and constraints are made of (also what `costs` calls a posture).
 
-    def __init__(self, balance, q, u, loads, program):
+    found: residual, tangent and actuation at (q, u); hat: the unknown that q is the scaled form of.
+    """
+
+    def __init__(self, balance, q, u, found, hat):
         self.robot, self.q, self.u = balance.robot, q, u
         self.q_scale, self.u_scale, self.energy_scale = balance.scales.q, balance.scales.u, balance.scales.energy
         self.statics = Statics(balance.robot, q, u)
         self.kin = self.statics.kin
-        arguments = (q, u, loads)[: balance.function.n_in()]
-        self.residual, self.tangent, self.actuation = balance.function(*arguments)
-        self._hat = program.variables["q"].symbol
+        self.residual, self.tangent, self.actuation = found
+        self._hat = hat
         self._conservative = balance.conservative and self.statics.conservative_actuation
 
     def elastic_energy(self):
@@ -157,7 +161,7 @@ class _Terms:
         return {("q", "q"): qq, ("q", "u"): -self.statics.actuation_gradient(lam)}
 
 
-def _rows(name, goal, kind, robot, kin, target):
+def goal_rows(name, goal, kind, robot, kin, target):
     """Rows of a goal: its own `kind` (measured, distance) if it has one, else its miss."""
     try:
         return getattr(goal, kind, goal.miss)(robot, kin, target)

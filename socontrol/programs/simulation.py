@@ -220,7 +220,7 @@ class Simulation(Question):
             return q, None
         u = self.vector("inputs", self.start.inputs, "start.inputs") if self.start.inputs else plant.inputs(0.0)
         parameters = plant.parameters(0.0)
-        balance = Balance(plant.robot, plant.functions.parameters)
+        balance = Balance(replace(plant.robot, compiled=False), plant.functions.parameters)  # solved once
         held = {int(i): q[i] for i in plant.driven}
         answer = balance.solve(u, q, p=parameters[0] if parameters else None, prescribed=held)
         if answer.status.solved:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from socontrol.native.compiled import compiled
 from socontrol.programs.result import Status
 from socontrol.quantities import Bad, Count, Flag, Integer, PositiveNumber, Second, record, show
 
@@ -133,20 +134,24 @@ class Outcome:
 
 
 class NLP:
-    """A program made ready for repeated solves: built once, called with new parameters, bounds and starts."""
+    """A program made ready for repeated solves: built once, called with new parameters, bounds and starts.
 
-    def __init__(self, program, settings):
+    `functions` are the program's own; with `in_c` Ipopt calls them as machine code.
+    """
+
+    def __init__(self, program, settings, in_c=False):
         began = time.perf_counter()
         self.program, self.settings, quiet = program, settings, not settings.keep_log
-        made = program.functions()
-        self.functions = made
-        own = settings.plugin_options()
+        self.functions = program.functions()
+        made = _in_c(self.functions) if in_c else self.functions
+        self._nlp, own = made["nlp"], settings.plugin_options()
         if quiet:
             own["print_level"] = 0
         self._plugin = {
             "ipopt": own,
             "print_time": False,
             "calc_lam_p": False,
+            "no_nlp_grad": True,  # for calc_lam_p only, and machine code has no derivatives of its own
             "grad_f": made["grad_f"],
             "jac_g": made["jac_g"],
             "hess_lag": made["hess_lag"],
@@ -168,7 +173,7 @@ class NLP:
                     "warm_start_slack_bound_push": 1e-9,
                     "warm_start_mult_bound_push": 1e-9,
                 }
-            self._solvers[warm] = ca.nlpsol("solver", "ipopt", self.functions["nlp"], plugin)
+            self._solvers[warm] = ca.nlpsol("solver", "ipopt", self._nlp, plugin)
         return self._solvers[warm]
 
     def solve(self, guess=None, parameters=None, bounds=None, warm=None):
@@ -209,6 +214,16 @@ class NLP:
         empty = np.zeros(0)
         status = Status("numerical", f"The solver refused the problem: {line}")
         return Outcome(status, self.program.split(x), x, empty, empty, np.nan, 0, seconds, np.nan, text)
+
+
+def _in_c(made):
+    """The Functions of a program in machine code."""
+    nlp = made["nlp"]
+    x, p = (ca.MX.sym(name, nlp[name].numel()) for name in "xp")
+    values = {name: ca.Function(f"nlp_{name}", [nlp["x"], nlp["p"]], [nlp[name]]) for name in "fg"}
+    values = {name: compiled(function)(x, p) for name, function in values.items()}
+    others = {name: compiled(made[name]) for name in ("grad_f", "jac_g", "hess_lag")}
+    return {"nlp": {"x": x, "p": p, **values}, **others}
 
 
 def _count(stats):

@@ -1,0 +1,1 @@
+"""What runs on this machine as machine code: a C compiler, a cache of what it made, calls without copies."""

@@ -1,0 +1,400 @@
+"""Folders of C code: written whole or not at all, compiled as their README says, equal to Python."""
+
+import ctypes
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import socontrol as so
+from socontrol import cli
+from socontrol.codegen import budget, ctext, identifiers, place
+from socontrol.codegen.catalogue import KINDS, BadRequest
+from socontrol.codegen.loaded import QUICK
+from socontrol.native.c_source import CSource, NotExportable
+
+ROOT = Path(__file__).parent.parent
+SHIPPED = sorted(path.stem for path in (ROOT / "configs" / "robots").glob("*.yaml"))
+STRICT = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-parameter"]
+PLACES = "pose,pose@module:0.5,jacobian@module:0,elastic_force,static_tangent,external_force"
+FILES = {"CMakeLists.txt", "README", "main.c", "manifest.json", "selftest.c"}
+SMALL = """
+schema_version: 1
+name: "2 Arme: Ärmel & Co/ (*/)"
+segments:
+  left-arm: {type: revolute, axis: [0, 1, 0], stiffness: 2, body: {mass: 0.1, com: [0.1, 0, 0]}, limits: [-1, 2]}
+  left_arm: {type: revolute, axis: [0, 1, 0], body: {mass: 0.1, com: [0.1, 0, 0]}, parent: left-arm}
+  int: {type: prismatic, axis: [1, 0, 0], body: {mass: 0.2}, parent: left_arm}
+actuators:
+  "m-1": {type: joint_torque, joint: left_arm, limits: [-1, 1]}
+"""
+
+
+def needs(tool):
+    return pytest.mark.skipif(shutil.which(tool) is None, reason=f"{tool} is not installed (package {tool})")
+
+
+def robot_file(name):
+    return str(ROOT / "configs" / "robots" / f"{name}.yaml")
+
+
+def run(command, folder):
+    """Exit code and output of a command line."""
+    done = subprocess.run(command, cwd=folder, shell=isinstance(command, str), capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+def codegen(*arguments):
+    return cli.run(["codegen", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The C code of a module with functions of every shape."""
+    path = tmp_path_factory.mktemp("codegen") / "flop"
+    assert codegen(robot_file("stiff_flop"), "-o", path, "--functions", PLACES) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    """The C code of a robot whose names are no C names."""
+    path = tmp_path_factory.mktemp("odd")
+    (path / "odd.yaml").write_text(SMALL, encoding="utf-8")
+    assert codegen(path / "odd.yaml", "-o", path / "c", "--functions", "pose@left-arm,pose@left_arm,pose@int,mass") == 0
+    return path / "c"
+
+
+def manifest_of(folder):
+    return json.loads((folder / "manifest.json").read_text())
+
+
+# Journeys
+
+
+@needs("gcc")
+def test_the_lines_of_the_readme_build_the_example_and_a_selftest_that_passes(folder):
+    lines = re.findall(r"^    (gcc .*)$", (folder / "README").read_text(), re.MULTILINE)
+    assert len(lines) == 2
+    copy = folder.parent / "readme"
+    shutil.copytree(folder, copy)
+    for line in lines:
+        code, output = run(line.replace("-O1", "-O0"), copy)
+        assert code == 0, output
+    assert "all checks passed" in output and "FAILED" not in output
+    found = np.array(re.findall(r"-?\d+\.?\d*", run("./example", copy)[1].split("\n", 1)[1]), dtype=float).reshape(4, 4)
+    straight = so.load_robot(robot_file("stiff_flop")).functions().pose("cap")(np.zeros(16)).full()
+    assert np.allclose(found, straight, atol=1e-6)
+
+
+@needs("cmake")
+@needs("gcc")
+def test_cmake_builds_and_ctest_passes(odd, tmp_path):
+    code, output = run(["cmake", "-S", odd, "-B", tmp_path / "build"], tmp_path)
+    assert code == 0, output
+    assert run(["cmake", "--build", tmp_path / "build"], tmp_path)[0] == 0
+    code, output = run(["ctest", "--test-dir", tmp_path / "build"], tmp_path)
+    assert code == 0 and "100% tests passed" in output
+
+
+@needs("gcc")
+def test_a_selftest_fails_when_the_code_is_not_what_python_says(odd, tmp_path):
+    shutil.copytree(odd, tmp_path / "c")
+    name = manifest_of(odd)["prefix"]
+    source = tmp_path / "c" / f"{name}.c"
+    text, count = re.subn(r"(static int eval_mass\(.*\n(?:casadi_real.*\n|  .*\n)*a\d+=)([0-9.]+);", r"\1 1.5*\2;",
+                          source.read_text(), count=1)  # fmt: skip
+    assert count == 1
+    source.write_text(text)
+    code, output = run(f"gcc -std=c99 selftest.c {name}.c -lm -o selftest && ./selftest", tmp_path / "c")
+    assert code == 1 and re.search(r"^mass .*FAILED", output, re.MULTILINE)
+
+
+def test_printed_is_what_was_written_and_where(tmp_path, capsys):
+    assert codegen(robot_file("octopus_arm_water"), "-o", tmp_path / "c") == 0
+    said = capsys.readouterr()
+    manifest = manifest_of(tmp_path / "c")
+    assert "octopus_arm_water_mass(q[15]) -> M[225]" in said.out
+    assert f"{manifest['static_bytes']} bytes of static memory" in said.out
+    assert re.search(r"left out: coriolis: 1.\d MB of C, about \d+ s of gcc; name it to have it", said.err)
+    assert "a floating base is one joint of type 'free'" in manifest["left_out"]["floating_inverse_dynamics"]
+    assert "c/ written" in said.err
+    assert manifest["left_out"].keys() | {row["kind"] for row in manifest["functions"]} == KINDS.keys()
+
+
+@needs("gcc")
+def test_python_and_command_line_write_the_same_bytes_twice(folder, tmp_path):
+    robot = so.load_robot(robot_file("stiff_flop"))
+    for _ in range(2):
+        so.codegen(robot, tmp_path / "flop", functions=PLACES.split(","))
+        names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+        assert names >= FILES | {"stiff_flop.c", "stiff_flop.h"}
+        for name in names:
+            assert (tmp_path / "flop" / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+def test_a_problem_brings_its_solver_through_the_same_door(tmp_path, capsys):
+    problem = ROOT / "problems" / "stiff_flop_reach.yaml"
+    assert codegen(problem, "-o", tmp_path / "c", "--functions", "pose") == 0
+    manifest = manifest_of(tmp_path / "c")
+    assert manifest["prefix"] == "stiff_flop_reach" and [row["kind"] for row in manifest["functions"]] == ["pose"]
+    header = (tmp_path / "c" / "stiff_flop_reach.h").read_text()
+    assert "stiff_flop_reach_pose(" in header and "stiff_flop_reach_solve(" in header
+    assert codegen(problem, "-o", tmp_path / "f", "--real", "float") == 2
+    assert "a solver needs double precision" in capsys.readouterr().err
+    assert codegen(ROOT / "problems" / "octopus_arm_release.yaml", "-o", tmp_path / "s") == 3
+    assert not (tmp_path / "f").exists() and not (tmp_path / "s").exists()
+
+
+# Equal to Python
+
+
+def differences(robot, functions, loaded, rng):
+    """{function: largest difference from Python over its largest number} at random states."""
+    plain, found = robot.functions(), {}
+    pieces = [piece for piece in robot.tree.pieces if piece.is_rod]
+    wide = np.concatenate([np.full(p.size, 1.0 / float(p.length) if p.is_rod else 0.5) for p in robot.tree.pieces])
+    for piece in pieces:
+        wide[piece.columns] = np.where(np.array(piece.Phi)[:3].any(axis=0), wide[piece.columns], 0.1)
+    for name in functions:
+        in_c = loaded.pose() if name == "pose" else loaded.jacobian() if name == "jacobian" else getattr(loaded, name)
+        made = getattr(plain, name)
+        made = made(robot.segments[-1], 1.0) if KINDS[name].place else made
+        gap = size = 0.0
+        for share in (0.0, 1.0, 1.0):
+            states = {a: share * rng.uniform(-1, 1, n) for a, n in in_c.arguments}
+            states["q"] = states["q"] * wide
+            given = [states[a] for a, _ in in_c.arguments]
+            one, other = in_c(*given), made.function.call(given)
+            one = one if isinstance(one, tuple) else (one,)
+            assert [x.shape for x in one] == [x.shape for x in other]
+            gap = max(gap, *(np.abs(a - b.full()).max(initial=0) for a, b in zip(one, other, strict=True)))
+            size = max(size, *(np.abs(b.full()).max(initial=0) for b in other))
+        found[name] = gap / (size or 1.0)
+    return found
+
+
+@needs("gcc")
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_robots_in_c_equal_python(name, tmp_path):
+    robot = so.load_robot(robot_file(name))
+    wanted = ["pose", "jacobian", "external_force", "static_residual", "stiffness", "inverse_dynamics"]
+    if robot.m and robot.n <= 15:
+        wanted += ["forward_dynamics", "actuation", "actuator_lengths", "momentum"]
+    so.codegen(robot, tmp_path / "c", functions=wanted)
+    loaded = so.load_compiled(tmp_path / "c", flags=QUICK)
+    found = differences(robot, wanted, loaded, np.random.default_rng(3))
+    assert max(found.values()) < 1e-12, found
+
+
+@needs("gcc")
+def test_free_bases_have_two_results(tmp_path):
+    robot = so.load_robot(robot_file("flying_rod")).refined()
+    so.codegen(robot, tmp_path / "c", functions=["floating_inverse_dynamics", "damping"])
+    loaded = so.load_compiled(tmp_path / "c", flags=QUICK)
+    found = differences(robot, ["floating_inverse_dynamics", "damping"], loaded, np.random.default_rng(4))
+    assert max(found.values()) < 1e-12
+
+
+@needs("gcc")
+def test_matrices_stand_row_by_row(folder):
+    loaded, q = so.load_compiled(folder, flags=QUICK), np.linspace(-4, 4, 16)
+    f = so.load_robot(robot_file("stiff_flop")).functions()
+    pose = f.pose("module", 0.5)(q).full()
+    call, out = loaded.library.stiff_flop_pose_module_0_5, np.zeros(16)
+    assert call(ctypes.c_void_p(q.ctypes.data), ctypes.c_void_p(out.ctypes.data)) == 0
+    assert np.allclose(out[3::4], pose[:, 3], atol=1e-15)  # the fourth of each row: the position
+    assert np.allclose(loaded.pose("module", 0.5)(q), pose, atol=1e-15)
+    assert np.allclose(loaded.jacobian("module", 0)(q), f.jacobian("module", 0.0)(q).full(), atol=1e-15)
+
+
+@needs("gcc")
+def test_what_is_refused_in_c_is_a_sentence_in_python(folder):
+    loaded, q = so.load_compiled(folder, flags=QUICK), np.zeros(16)
+    q[9] = 1000.0
+    with pytest.raises(ValueError, match="section module.2 turns by more than 2 pi"):
+        loaded.elastic_force(q)
+    q[9] = np.nan
+    with pytest.raises(ValueError, match="q holds a number that is not finite"):
+        loaded.elastic_force(q)
+    with pytest.raises(ValueError, match="u holds a number that is not finite"):
+        loaded.static_tangent(np.zeros(16), [0, np.inf, 0])
+    with pytest.raises(ValueError, match="15 numbers given for q, 16 wanted"):
+        loaded.elastic_force(np.zeros(15))
+    with pytest.raises(TypeError, match="1 arguments given, 2 wanted: q, u"):
+        loaded.static_tangent(np.zeros(16))
+    with pytest.raises(AttributeError, match="the folder has no 'mass'; it has pose@cap:1, pose@module:0.5"):
+        loaded.mass(np.zeros(16))
+    with pytest.raises(ValueError, match="no folder of socontrol codegen"):
+        so.load_compiled(folder.parent)
+
+
+@needs("gcc")
+def test_single_precision_says_how_far_it_is_from_python(tmp_path, capsys):
+    args = (robot_file("stiff_flop"), "-o", tmp_path / "c", "--functions", "pose,elastic_force", "--real", "float")
+    assert codegen(*args) == 0
+    errors = manifest_of(tmp_path / "c")["float_error"]
+    assert errors.keys() == {"pose", "elastic_force"} and all(1e-9 < e < 1e-5 for e in errors.values())
+    assert f"error {errors['pose']:.1e}" in capsys.readouterr().out
+    text = (tmp_path / "c" / "stiff_flop.c").read_text()
+    assert "int stiff_flop_pose(const float q[16], float pose[16])" in text
+    code, output = run(f"gcc {' '.join(STRICT)} -Wdouble-promotion -c stiff_flop.c", tmp_path / "c")
+    assert code == 0, output
+    assert run("gcc -std=c99 selftest.c stiff_flop.c -lm -o t && ./t", tmp_path / "c")[0] == 0
+
+
+# C
+
+
+@pytest.mark.parametrize("compiler", [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")])
+def test_no_compiler_has_a_word_to_say(compiler, folder, odd):
+    for home in (folder, odd):
+        name = manifest_of(home)["prefix"]
+        for file in ("selftest.c", "main.c", f"{name}.c"):
+            code, output = run([compiler, *STRICT, "-fsyntax-only", file], home)
+            assert code == 0 and not output, output
+
+
+@needs("g++")
+def test_the_header_serves_cpp(odd, tmp_path):
+    name = manifest_of(odd)["prefix"]
+    text = f'#include "{name}.h"\nint main() {{ double q[3] = {{0}}, M[9]; return {name}_mass(q, M); }}\n'
+    (tmp_path / "use.cpp").write_text(text)
+    include = ["-I", str(odd), str(tmp_path / "use.cpp")]
+    assert run(["gcc", "-std=c99", "-c", str(odd / f"{name}.c"), "-o", "c.o"], tmp_path)[0] == 0
+    code, output = run(
+        ["g++", "-Wall", "-Wextra", "-Wpedantic", "-Werror", *include, "c.o", "-lm", "-o", "use"], tmp_path
+    )
+    assert code == 0, output
+    assert run("./use", tmp_path)[0] == 0
+
+
+@needs("gcc")
+def test_names_become_legal_and_distinct(odd):
+    header = (odd / f"{manifest_of(odd)['prefix']}.h").read_text()
+    assert manifest_of(odd)["prefix"] == "robot_2_arme_armel_co"
+    rows = [row["name"].removeprefix("robot_2_arme_armel_co_") for row in manifest_of(odd)["functions"]]
+    assert rows == ["pose_left_arm", "pose_left_arm_2", "pose", "mass"]
+    assert "#define ROBOT_2_ARME_ARMEL_CO_N 3" in header and header.count("*/") == header.count("/*")
+    loaded = so.load_compiled(odd, flags=QUICK)
+    q = [0.3, -0.2, 0.1]
+    assert not np.allclose(loaded.pose("left-arm", 1.0)(q), loaded.pose("left_arm", 1.0)(q))
+    assert identifiers.prefix("main") == "main_robot" and identifiers.prefix("§") == "robot"
+    assert ctext.text_literal('a"\\?é') == '"a\\042\\134\\077\\303\\251"'
+
+
+@needs("gcc")
+@needs("nm")
+def test_static_and_stack_bytes_are_what_the_compiler_says(tmp_path):
+    so.codegen(so.load_robot(robot_file("octopus_arm_water")), tmp_path / "c", functions=["inverse_dynamics", "mass"])
+    name, manifest = "octopus_arm_water", manifest_of(tmp_path / "c")
+    for level in ("-O0", "-O1"):
+        command = ["gcc", "-std=c99", level, "-fno-pie", "-fstack-usage", "-c", f"{name}.c", "-o", "o.o"]
+        assert run(command, tmp_path / "c")[0] == 0
+        symbols = run("nm -S o.o", tmp_path / "c")[1]
+        assert (
+            sum(int(size, 16) for size in re.findall(r"^\w+ (\w+) [bBdD] ", symbols, re.M)) == manifest["static_bytes"]
+        )
+    assert manifest["static_bytes"] > 1000
+    usage = next((tmp_path / "c").glob("*.su")).read_text()
+    assert max(map(int, re.findall(r"\t(\d+)\t", usage))) <= manifest["stack_bytes"]
+    undefined = set(re.findall(r" U (\w+)", symbols))
+    assert undefined <= {"sin", "cos", "sqrt", "fabs", "exp", "log", "memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
+
+
+# Refusals
+
+
+def test_a_folder_that_is_not_ours_is_left_alone(folder, tmp_path, capsys):
+    robot, wanted = robot_file("stiff_flop"), ("--functions", "elastic_force")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes").write_text("mine")
+    assert codegen(robot, "-o", tmp_path / "mine", *wanted) == 2
+    assert "holds other files than generated code" in capsys.readouterr().err
+    shutil.copytree(folder, tmp_path / "c")
+    (tmp_path / "c" / "controller.c").write_text("int x;")
+    assert codegen(robot, "-o", tmp_path / "c", *wanted) == 2
+    assert "holds 'controller.c', which was not generated" in capsys.readouterr().err
+    (tmp_path / "c" / "controller.c").unlink()
+    (tmp_path / "c" / "main.c").write_text("int main(void) { return 1; }")
+    assert codegen(robot, "-o", tmp_path / "c", *wanted) == 2
+    assert "'main.c' was changed by hand" in capsys.readouterr().err
+    shutil.copy(folder / "main.c", tmp_path / "c" / "main.c")
+    assert codegen(robot, "-o", tmp_path / "c", *wanted) == 0
+    assert [row["kind"] for row in manifest_of(tmp_path / "c")["functions"]] == ["elastic_force"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["c", "mine"]
+
+
+def test_a_disk_that_fails_half_way_leaves_the_folder_that_was_there(folder, tmp_path, capsys, monkeypatch):
+    shutil.copytree(folder, tmp_path / "c")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "c").iterdir() if path.is_file()}
+
+    def full(part, where):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(place, "change_places", full)
+    assert codegen(robot_file("stiff_flop"), "-o", tmp_path / "c", "--functions", "elastic_force") == 2
+    assert "c: cannot be written: No space left on device" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in (tmp_path / "c").iterdir() if path.is_file()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["c"]
+
+
+@pytest.mark.parametrize(
+    "wanted, sentence",
+    [
+        ("mas", "unknown function 'mas'; did you mean 'mass'?"),
+        ("pose@modul", "unknown segment 'modul'; did you mean 'module'?"),
+        ("pose@module:1.5", "X = 1.5 on 'module' is outside [0, 1]"),
+        ("pose@cap:half", "'half' is no number"),
+        ("mass@cap", "mass is of the whole robot"),
+        ("floating_inverse_dynamics", "does not apply to this robot: a floating base is one joint of type 'free'"),
+        (" , ", "no function is named"),
+    ],
+)
+def test_a_wrong_function_is_one_line_and_nothing_is_written(wanted, sentence, tmp_path, capsys):
+    assert codegen(robot_file("stiff_flop"), "-o", tmp_path / "c", "--functions", wanted) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and len(said.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_wrong_files_and_flags_write_nothing(tmp_path, capsys):
+    assert codegen(tmp_path / "no.yaml", "-o", tmp_path / "c") == 2
+    (tmp_path / "bad.yaml").write_text("segments: {arm: {type: revolut}}\n")
+    assert codegen(tmp_path / "bad.yaml", "-o", tmp_path / "c") == 3
+    assert "bad.yaml:1" in capsys.readouterr().err
+    assert codegen(robot_file("stiff_flop"), "-o", tmp_path / "c", "--real", "half") == 2
+    assert codegen(robot_file("stiff_flop"), "-o", tmp_path / "bad.yaml") == 2
+    assert not (tmp_path / "c").exists()
+    fixed = {"segments": {"base": {"type": "fixed", "body": {"mass": 1}}}}
+    with pytest.raises(BadRequest, match="no coordinates"):
+        so.codegen(so.robot(fixed), tmp_path / "c")
+
+
+def test_code_that_is_too_large_is_refused_unless_forced(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(budget, "LARGEST", 30_000)
+    args = (robot_file("stiff_flop"), "-o", tmp_path / "c", "--functions", "pose,jacobian,elastic_force")
+    assert codegen(*args) == 5
+    said = capsys.readouterr().err
+    assert "the largest function is 'jacobian@cap:1'" in said and "--functions" in said and "--force" in said
+    assert not list(tmp_path.iterdir())
+    assert codegen(*args, "--force") == 0
+    monkeypatch.setattr(budget, "LARGEST", 1)
+    robot = so.robot(
+        {"segments": {"arm": {"type": "revolute", "axis": [0, 1, 0], "body": {"mass": 1, "com": [1, 0, 0]}}}}
+    )
+    with pytest.raises(budget.TooLarge):
+        so.codegen(robot, tmp_path / "s")
+    assert not (tmp_path / "s").exists()
+
+
+def test_what_casadi_cannot_export_is_refused():
+    x = ca.MX.sym("x")
+    solver = ca.rootfinder("solver", "newton", {"x": x, "g": x**2 - 2})
+    with pytest.raises(NotExportable, match="CasADi has no C for this"):
+        CSource({"eval": solver})
