@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+import threading
 from pathlib import Path
 
 import casadi as ca
@@ -13,7 +14,7 @@ import pytest
 
 import socontrol as so
 from socontrol import cli
-from socontrol.codegen import budget, ctext, identifiers, place
+from socontrol.codegen import budget, ctext, identifiers, measure, place
 from socontrol.codegen.catalogue import KINDS, BadRequest
 from socontrol.codegen.loaded import QUICK
 from socontrol.native.c_source import CSource, NotExportable
@@ -32,6 +33,12 @@ segments:
   int: {type: prismatic, axis: [1, 0, 0], body: {mass: 0.2}, parent: left_arm}
 actuators:
   "m-1": {type: joint_torque, joint: left_arm, limits: [-1, 1]}
+"""
+HELD = """
+schema_version: 1
+type: statics
+robot: odd.yaml
+inputs: {m-1: 0.1}
 """
 
 
@@ -59,6 +66,16 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("codegen") / "flop"
     assert codegen(robot_file("stiff_flop"), "-o", path, "--functions", PLACES) == 0
     return path
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory):
+    """The C code of a small statics problem."""
+    path = tmp_path_factory.mktemp("held")
+    (path / "odd.yaml").write_text(SMALL.replace("0.1, 0, 0]}, limits", "0, 0, 0.1]}, limits"), encoding="utf-8")
+    (path / "held.yaml").write_text(HELD)
+    assert codegen(path / "held.yaml", "-o", path / "c") == 0
+    return path / "c"
 
 
 @pytest.fixture(scope="module")
@@ -115,13 +132,14 @@ def test_a_selftest_fails_when_the_code_is_not_what_python_says(odd, tmp_path):
     assert code == 1 and re.search(r"^mass .*FAILED", output, re.MULTILINE)
 
 
-def test_printed_is_what_was_written_and_where(tmp_path, capsys):
+def test_printed_is_what_was_written_and_where(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(budget, "LONGEST_OWN", 5.0)  # s, less than the longest function takes
     assert codegen(robot_file("octopus_arm_water"), "-o", tmp_path / "c") == 0
     said = capsys.readouterr()
     manifest = manifest_of(tmp_path / "c")
     assert "octopus_arm_water_mass(q[15]) -> M[225]" in said.out
     assert f"{manifest['static_bytes']} bytes of static memory" in said.out
-    assert re.search(r"left out: coriolis: 1.\d MB of C, about \d+ s of gcc; name it to have it", said.err)
+    assert re.search(r"left out: coriolis: 0.\d MB of C, about \d+ s of gcc; name it to have it", said.err)
     assert "a floating base is one joint of type 'free'" in manifest["left_out"]["floating_inverse_dynamics"]
     assert "c/ written" in said.err
     assert manifest["left_out"].keys() | {row["kind"] for row in manifest["functions"]} == KINDS.keys()
@@ -234,6 +252,75 @@ def test_what_is_refused_in_c_is_a_sentence_in_python(folder):
         so.load_compiled(folder.parent)
 
 
+def alone(work):
+    """Results of functions that run at the same time, each in a thread of its own."""
+    found = [None] * len(work)
+
+    def run(k):
+        found[k] = work[k]()
+
+    threads = [threading.Thread(target=run, args=(k,)) for k in range(len(work))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return found
+
+
+@needs("gcc")
+def test_threads_that_load_a_folder_each_for_itself_do_not_disturb_each_other(tmp_path):
+    so.codegen(so.load_robot(robot_file("stiff_flop")), tmp_path / "c", functions=["inverse_dynamics"])
+    both = [so.load_compiled(tmp_path / "c", flags=QUICK) for _ in range(2)]
+    shapes, still = [np.linspace(-4, 4, 16), np.linspace(3, -1, 16)], np.zeros(16)
+    wanted = [loaded.inverse_dynamics(q, still, still) for loaded, q in zip(both, shapes, strict=True)]
+
+    def often(k):
+        return [both[k].inverse_dynamics(shapes[k], still, still) for _ in range(1000)]
+
+    for found, right in zip(alone([lambda: often(0), lambda: often(1)]), wanted, strict=True):
+        assert all(np.array_equal(one, right) for one in found)
+
+
+@needs("gcc")
+def test_a_solver_that_nobody_holds_any_more_gives_its_slot_back(held):
+    for _ in range(3):
+        assert so.load_compiled(held, flags=QUICK).solver().solve().solved
+    with so.load_compiled(held, flags=QUICK).solver() as first:
+        with pytest.raises(RuntimeError, match="every slot of the solver's pool is taken"):
+            so.load_compiled(held, flags=QUICK).solver()
+        assert first.solve().solved
+    first.close()
+    second = so.load_compiled(held, flags=QUICK).solver()
+    first.close()  # what is closed already takes no other's slot
+    assert second.solve().solved
+
+
+@needs("gcc")
+def test_threads_that_share_a_solver_get_the_answers_to_their_own_arguments(held):
+    with so.load_compiled(held, flags=QUICK).solver() as solver:
+        wanted = [solver.solve(cold=True, inputs=[torque]).coordinates for torque in (0.1, -0.3)]
+        assert not np.allclose(*wanted)
+
+        def often(torque):
+            return [solver.solve(cold=True, inputs=[torque]).coordinates for _ in range(500)]
+
+        for found, right in zip(alone([lambda: often(0.1), lambda: often(-0.3)]), wanted, strict=True):
+            assert all(np.array_equal(one, right) for one in found)
+
+
+@needs("gcc")
+def test_the_section_that_turns_most_is_told_by_name(folder, odd):
+    loaded, q = so.load_compiled(folder, flags=QUICK), np.zeros(16)
+    q[9] = 1.0
+    assert loaded.worst_section(q) == loaded.worst_section(q.tolist()) == "module.2"
+    with pytest.raises(ValueError, match="q holds a number that is not finite"):
+        loaded.worst_section(q * np.nan)
+    with pytest.raises(ValueError, match="15 numbers given for q, 16 wanted"):
+        loaded.worst_section(q[1:])
+    with pytest.raises(AttributeError, match="no sections of rod"):
+        so.load_compiled(odd, flags=QUICK).worst_section(np.zeros(3))
+
+
 @needs("gcc")
 def test_single_precision_says_how_far_it_is_from_python(tmp_path, capsys):
     args = (robot_file("stiff_flop"), "-o", tmp_path / "c", "--functions", "pose,elastic_force", "--real", "float")
@@ -241,6 +328,7 @@ def test_single_precision_says_how_far_it_is_from_python(tmp_path, capsys):
     errors = manifest_of(tmp_path / "c")["float_error"]
     assert errors.keys() == {"pose", "elastic_force"} and all(1e-9 < e < 1e-5 for e in errors.values())
     assert f"error {errors['pose']:.1e}" in capsys.readouterr().out
+    assert so.load_compiled(tmp_path / "c", flags=QUICK).worst_section([0.0] * 12 + [1.0] * 4) == "module.3"
     text = (tmp_path / "c" / "stiff_flop.c").read_text()
     assert "int stiff_flop_pose(const float q[16], float pose[16])" in text
     code, output = run(f"gcc {' '.join(STRICT)} -Wdouble-promotion -c stiff_flop.c", tmp_path / "c")
@@ -258,6 +346,30 @@ def test_no_compiler_has_a_word_to_say(compiler, folder, odd):
         for file in ("selftest.c", "main.c", f"{name}.c"):
             code, output = run([compiler, *STRICT, "-fsyntax-only", file], home)
             assert code == 0 and not output, output
+
+
+@needs("gcc")
+@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
+def test_code_that_looks_for_infinities_refuses_compilers_that_forget_them(flag, folder):
+    code, output = run(["gcc", *STRICT, flag, "-fsyntax-only", "stiff_flop.c"], folder)
+    assert code == 1 and "#error" in output
+
+
+def test_headers_say_which_threads_may_call(folder, held):
+    shared = "share a static workspace: call them from one thread"
+    assert shared in (folder / "stiff_flop.h").read_text() and shared in (held / "held.h").read_text()
+    solver = "it may run in several threads, one struct each; call init\n * and release from one thread"
+    assert solver in (held / "held.h").read_text() and "struct" not in (folder / "stiff_flop.h").read_text()
+
+
+@needs("gcc")
+def test_the_stack_is_measured_with_all_words_of_the_compiler_s_command(odd, monkeypatch):
+    name = manifest_of(odd)["prefix"]
+    texts = [(odd / f"{name}{end}").read_text() for end in (".h", ".c")]
+    monkeypatch.setenv("CC", "gcc")
+    plain = measure.stack_bytes(*texts, name)
+    monkeypatch.setenv("CC", "env gcc")
+    assert measure.stack_bytes(*texts, name) == plain > 0
 
 
 @needs("g++")
@@ -286,6 +398,39 @@ def test_names_become_legal_and_distinct(odd):
     assert not np.allclose(loaded.pose("left-arm", 1.0)(q), loaded.pose("left_arm", 1.0)(q))
     assert identifiers.prefix("main") == "main_robot" and identifiers.prefix("§") == "robot"
     assert ctext.text_literal('a"\\?é') == '"a\\042\\134\\077\\303\\251"'
+
+
+@needs("gcc")
+@pytest.mark.parametrize("name", ["eval", "pose", "math", "string", "stdio", "stddef", "class", "wanted", "casadi"])
+def test_robots_named_as_what_c_or_the_code_knows_compile(name, tmp_path):
+    arm = {"type": "revolute", "axis": [0, 1, 0], "body": {"mass": 1, "com": [1, 0, 0]}}
+    rod = {"type": "rod", "length": "0.1 m", "strains": "kirchhoff_love", "parent": "arm",
+           "cross_section": {"type": "circle", "radius": "5 mm"},
+           "material": {"type": "linear", "young_modulus": 1e6, "poisson_ratio": 0.5, "density": 1000}}  # fmt: skip
+    robot = so.robot({"name": name, "segments": {"arm": arm, "rod": rod}})
+    prefix = so.codegen(robot, tmp_path, functions=["pose", "mass"]).manifest["prefix"]
+    command = ["gcc", *STRICT, "-I.", f"{prefix}.c", "selftest.c", "-lm", "-o", "t"]
+    code, output = run(command, tmp_path)
+    assert code == 0, output
+    assert run("./t", tmp_path)[0] == 0
+
+
+@needs("gcc")
+@pytest.mark.parametrize("name", ["sqp", "qp", "lu", "cholesky", "eval"])
+def test_problems_named_as_what_the_solver_holds_compile(name, held, tmp_path):
+    (tmp_path / "odd.yaml").write_text((held.parent / "odd.yaml").read_text())
+    (tmp_path / f"{name}.yaml").write_text(HELD)
+    assert codegen(tmp_path / f"{name}.yaml", "-o", tmp_path / "c") == 0
+    prefix = manifest_of(tmp_path / "c")["prefix"]
+    for file in (f"{prefix}.c", "selftest.c", "main.c"):
+        code, output = run(["gcc", *STRICT, "-fsyntax-only", file], tmp_path / "c")
+        assert code == 0, output
+
+
+def test_words_that_belong_to_others_are_no_prefix():
+    for word in ("eval", "math", "sqp", "m", "int", "wchar_t", "co_await", "pthread", "nul", "install", "selftest"):
+        assert identifiers.prefix(word) == f"{word}_robot"
+    assert identifiers.prefix("Eval pose") == "robot_eval_pose" and identifiers.prefix("evaluation") == "evaluation"
 
 
 @needs("gcc")
@@ -398,3 +543,20 @@ def test_what_casadi_cannot_export_is_refused():
     solver = ca.rootfinder("solver", "newton", {"x": x, "g": x**2 - 2})
     with pytest.raises(NotExportable, match="CasADi has no C for this"):
         CSource({"eval": solver})
+
+
+def test_what_keeps_memory_between_calls_is_refused():
+    x = ca.MX.sym("x", 2)
+    quiet = {"print_header": False, "print_iteration": False, "print_time": False, "qpsol": "qrqp"}
+    solver = ca.nlpsol("solver", "sqpmethod", {"x": x, "f": ca.sumsqr(x - 1)}, quiet)
+    for function in (solver, ca.Function("outer", [x], [solver(x0=x)["x"]])):
+        with pytest.raises(NotExportable, match="keeps memory of its own between calls"):
+            CSource({"eval": function})
+
+
+def test_the_same_code_in_another_real_has_another_hash(odd, tmp_path):
+    wanted = ("--functions", "pose@left-arm,pose@left_arm,pose@int,mass")
+    assert codegen(odd.parent / "odd.yaml", "-o", tmp_path / "d", *wanted) == 0
+    assert codegen(odd.parent / "odd.yaml", "-o", tmp_path / "f", *wanted, "--real", "float") == 0
+    hashes = [manifest_of(path)["hash"] for path in (odd, tmp_path / "d", tmp_path / "f")]
+    assert hashes[0] == hashes[1] != hashes[2]

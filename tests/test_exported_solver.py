@@ -70,7 +70,7 @@ def program():
     """qp_solve for 5 unknowns, 2 equalities and 9 inequalities."""
     folder = resources.files("socontrol.codegen") / "templates" / "solver"
     sizes = "enum { QP_V = 5, QP_EQUAL = 2, QP_ROWS = 11 };\n"
-    constant = f"#define SQP_SINGULAR {CONSTANTS['SQP_SINGULAR'][0]!r}\n"
+    constant = "".join(f"#define {name} {CONSTANTS[name][0]!r}\n" for name in ("SQP_SINGULAR", "QP_DEPENDENT"))
     body = "".join((folder / name).read_text() for name in ("dense.c", "qp.c"))
     door = "int solve(double *G, double *a, double *C, double *b, double *x, double *y) { static qp_state q;"
     door += " int ok = qp_solve(&q, G, a, C, b, y); for (int i = 0; i < 5; i++) x[i] = q.x[i]; return ok; }\n"
@@ -101,6 +101,24 @@ def test_a_quadratic_program_ends_at_a_point_that_meets_the_conditions_of_its_mi
             assert np.max(np.abs(gap[:2])) < 1e-8 and np.min(gap[2:]) > -1e-8
             assert np.min(y[2:]) >= 0 and np.max(np.abs(y[2:] * gap[2:])) < 1e-6
     assert 100 < solved < 390
+
+
+@pytest.mark.parametrize("root", [1e-3, 1e-5])  # of the weight of a slack
+def test_a_quadratic_program_with_slacks_for_its_equalities_always_has_a_point(program, root):
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        a, slopes, low = np.append(rng.normal(size=3), [0, 0]), rng.normal(size=(2, 3)), -rng.random(3)
+        slopes[1] += 10 * slopes[0]
+        box = np.vstack([np.eye(3, 5), -np.eye(3, 5), np.zeros((3, 5))])
+        C = np.vstack([np.hstack([slopes, -root * np.eye(2)]), box])
+        b = np.concatenate([3 * rng.normal(size=2), low, -1 + 0 * low, [-1e20] * 3])
+        G = np.diag([1e-4, 1.0, 1.0, 1.0, 1.0])
+        ok, x, y = called(program, G, a, C, b)
+        gap = C @ x - b
+        size = 1 + np.max(np.abs(y))
+        assert ok and np.max(np.abs(gap[:2])) < 1e-8 * (1 + np.max(np.abs(b[:2]))) and np.min(gap[2:]) > -1e-8
+        assert np.max(np.abs(G @ x + a - C.T @ y)) < 1e-7 * size and np.min(y[2:]) >= 0
+        assert np.max(np.abs(y[2:8] * gap[2:8])) < 1e-7 * size
 
 
 def test_a_quadratic_program_that_is_not_convex_is_refused(program):
@@ -178,6 +196,84 @@ def test_inputs_held_by_equal_limits_stay_there(modules):
     assert np.max(np.abs(answer.inputs - outcome.values["u"])) < 1e-7 * 140e3
 
 
+COSTS = {
+    "heavy effort": {"effort": {"type": "effort", "weight": 1000.0}},
+    "strain energy": {"energy": {"type": "strain_energy"}},
+    "both": {"energy": {"type": "strain_energy", "weight": 5.0}, "effort": {"type": "effort", "weight": 0.1}},
+    "reference": {"near": {"type": "reference", "inputs": {"p0": "100 kPa", "p2": "20 kPa"}, "weight": 2.0}},
+}
+
+
+@pytest.mark.parametrize("costs", COSTS.values(), ids=COSTS)
+def test_other_costs_are_those_of_python_and_their_size_does_not_matter(tmp_path, costs):
+    robot = so.load_robot(ROOT / "configs" / "robots" / "stiff_flop.yaml")
+    goal = {"type": "point", "on": "cap", "target": [0.01, None, None]}  # one number for three pressures
+    question = so.problem({"type": "inverse_statics", "robot": robot, "goals": {"tip": goal}, "costs": costs})
+    python = question.prepare()
+    so.codegen(question, tmp_path / "c")
+    with so.load_compiled(tmp_path / "c", flags=QUICK).solver() as solver:
+        for target in (0.01, -0.004, 0.016):
+            answer, outcome = solver.solve(cold=True, target_tip=target), python.find({"target.tip": [target]})[0]
+            assert answer.solved and outcome.status.solved
+            assert answer.cost == pytest.approx(outcome.cost, rel=1e-8)
+            assert np.max(np.abs(answer.inputs - outcome.values["u"])) < 1e-6 * 140e3
+
+
+LIMB = {
+    "name": "limb",
+    "segments": {
+        "shoulder": {"type": "revolute", "axis": [0, 1, 0], "stiffness": 0.4, "limits": [-0.3, 0.6],
+                     "body": {"mass": 0.1, "com": [0.02, 0, 0]}, "tip": {"position": [0.05, 0, 0]}},
+        "rod": {"type": "rod", "parent": "shoulder", "length": 0.2, "strains": ["bend_y", "bend_z"], "sections": 2,
+                "cross_section": {"type": "circle", "radius": 0.01},
+                "material": {"type": "linear", "young_modulus": "0.2 MPa", "poisson_ratio": 0.5, "density": 1000}},
+    },
+    "actuators": {
+        "motor": {"type": "joint_torque", "joint": "shoulder", "limits": [-1, 1]},
+        **{f"t{k}": {"type": "tendon", "along": ["rod"], "offset": offset, "limits": [0, 3]}
+           for k, offset in enumerate([[0.008, 0], [0, 0.008], [-0.008, 0], [0, -0.008]])},
+    },
+}  # fmt: skip
+ASKED = {
+    "point": {"type": "point", "on": "rod", "target": [0.15, None, 0.02]},  # y is free, and rest symmetric in it
+    "axis": {"type": "axis", "on": "rod", "target": [1, 0, 0.2]},
+}
+
+
+@pytest.mark.parametrize("goal", ASKED.values(), ids=ASKED)
+def test_nothing_that_python_finds_is_called_out_of_reach_and_limits_of_coordinates_hold(tmp_path, goal):
+    question = so.problem({"type": "inverse_statics", "robot": so.robot(LIMB), "goals": {"tip": goal}})
+    python, rng, solved = question.prepare(), np.random.default_rng(0), 0
+    so.codegen(question, tmp_path / "c")
+    with so.load_compiled(tmp_path / "c").solver() as solver:
+        for _ in range(60):
+            u = np.append(rng.uniform(-0.3, 0.3), rng.uniform(0, 1, 4))
+            q = python.balance.solve(u, python.rest["q"]).q
+            target = python.posture.goals["tip"].reached(python.look.functions, q)
+            outcome, answer = python.find({"target.tip": target})[0], solver.solve(200, cold=True, target_tip=target)
+            solved += outcome.status.solved
+            assert answer.solved or not outcome.status.solved
+            if answer.solved:
+                assert -0.3 - 1e-8 <= answer.coordinates[0] <= 0.6 + 1e-8
+                assert answer.cost <= outcome.cost * (1 + 1e-6) + 1e-9 or not outcome.status.solved
+    assert solved > 30
+
+
+def test_stability_is_that_of_what_is_not_held(tmp_path):
+    body, tip = {"mass": 1, "com": [0.1, 0, 0]}, {"position": [0.2, 0, 0]}
+    arm = {"type": "revolute", "axis": [0, 1, 0], "body": body, "tip": tip}
+    limbs = {"a": {**arm, "stiffness": 0.001}, "b": {**arm, "parent": "a", "stiffness": 3}}
+    for held in ({"a": 1.2}, {"a": 0.3, "b": -2.0}, {"b": 0.5}):
+        question = so.problem({"type": "statics", "robot": so.robot({"segments": limbs}), "coordinates": held,
+                               "guess": {"coordinates": {"a": -1.6}}})  # fmt: skip
+        so.codegen(question, tmp_path / "c")
+        with so.load_compiled(tmp_path / "c").solver() as solver:
+            answer = solver.solve()
+        result = so.solve(question)
+        assert answer.solved and answer.stable == result.details["stable"]
+        assert np.max(np.abs(answer.coordinates - result.arrays["q"])) < 1e-7
+
+
 def test_a_statics_solver_finds_the_shape_under_other_inputs(exported):
     question = so.load_problem(problem("tendon_closed_form"))
     python, rng = question.prepare(), np.random.default_rng(1)
@@ -210,16 +306,18 @@ def test_too_few_iterations_are_not_called_solved(modules):
 
 def test_a_claim_holds_in_python_whatever_the_target(modules):
     solver, python = modules
-    rng = np.random.default_rng(5)
+    rng, solved = np.random.default_rng(5), 0
     lower, upper = python.question.input_limits()
     for _ in range(60):
         goal = np.array([0, 0, 0.125]) + 0.04 * rng.normal(size=3)
         answer = solver.solve(target_tip=goal)
+        solved += answer.solved
         if answer.solved:
             misses = python.posture.misses(answer.coordinates, {"target.tip": goal})["tip"]
             force = python.look.residuals(answer.coordinates, answer.inputs, python.posture.free)["force"].value
             assert np.linalg.norm(misses) < 1e-9 and force < 1e-9
             assert np.all(answer.inputs >= lower - 1e-3) and np.all(answer.inputs <= upper + 1e-3)
+    assert 3 < solved < 57
 
 
 def test_every_solver_takes_a_slot_and_gives_it_back(exported):

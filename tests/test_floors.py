@@ -25,7 +25,7 @@ FLOORS = [  # a name ending in "/" is every other module of that folder
     ["mechanics/floating", "mechanics/internal"],
     ["mechanics/articulated", "mechanics/statics"],
     ["mechanics/"],
-    ["mechanics/lines", "mechanics/motion"],
+    ["mechanics/lines", "mechanics/motion", "mechanics/swinging"],
     ["mechanics/slices"],
     ["mechanics/loads", "mechanics/kinematics"],
     ["model/tree"],

@@ -30,8 +30,8 @@ from socontrol.model.joints import Revolute
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle
+from socontrol.native import c_source, compiled, compiler
 from socontrol.native import cache as kept
-from socontrol.native import compiled, compiler
 from socontrol.native.buffers import Buffered
 from socontrol.programs.goals import Point
 from socontrol.programs.inverse_statics import InverseStatics
@@ -208,6 +208,22 @@ def test_functions_too_long_to_optimise_are_compiled_all_the_same(monkeypatch):
     monkeypatch.setattr(compiled, "COMPILED_UP_TO", 10)
     c = rod().functions(compiled=True).mass
     assert gap(c(*x), plain(*x)) == 0 and c._machine.is_a("SXFunction")
+
+
+def test_what_has_no_c_stays_as_it_is_after_a_warning(as_new):
+    x = ca.MX.sym("x")
+    plain = ca.rootfinder("plain", "newton", {"x": x, "g": x**2 - 2})
+    with pytest.warns(compiler.CompilerWarning, match="CasADi has no C for this.*virtual machine"):
+        assert compiled.compiled(plain) is plain
+
+
+def test_a_function_that_is_called_several_times_stands_once_and_runs_each_time():
+    x, y = ca.SX.sym("x"), ca.MX.sym("y", 3)
+    inner, other = (ca.Function("inner", [x], [f(x)]) for f in (ca.sin, lambda x: ca.sin(x) ** 2 + 1))
+    outer = ca.Function("outer", [y], [inner(y[0]) + inner(y[1]) + other(y[2])])
+    own, n, m = outer.n_instructions(), inner.n_instructions(), other.n_instructions()
+    assert sorted(c_source.lengths([outer])) == sorted([own, n, m])
+    assert c_source.operations(outer) == own + 2 * n + m
 
 
 @needs_compiler

@@ -39,12 +39,7 @@ def total_seconds(code):
 
 def estimate(functions):
     """(bytes, s) of the C code of casadi Functions, before it is written; what they share counts once."""
-    found, waiting = {}, list(functions)
-    while waiting:
-        function = waiting.pop()
-        if function.is_a("SXFunction"):
-            found[function.name(), function.n_instructions(), function.nnz_in()] = function.n_instructions()
-        waiting += c_source.called_by(function)
+    found = dict(enumerate(c_source.lengths(functions)))
     return BYTES * sum(found.values()), seconds(found)
 
 

@@ -170,7 +170,7 @@ def _versions():
 
 def digest(subject, plan):
     """Hash of the description of a robot or question, and of what was asked for."""
-    asked = [list(part.functions) for part in plan.parts]
+    asked = [plan.names.real, *(list(part.functions) for part in plan.parts)]
     text = json.dumps([_described(subject), asked], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -14,6 +14,7 @@ FLAGS = ("-std=c99", "-O1", "-fPIC", "-shared")
 QUICK = ("-std=c99", "-O0", "-fPIC", "-shared")
 TYPES = {"double": np.float64, "float": np.float32}
 ALIASES = {"statics_residual": "static_residual"}
+_locks = {}  # {path of a library: its lock}: a process has each library, and so its workspace, once
 
 
 def load_compiled(folder, flags=FLAGS):
@@ -45,8 +46,9 @@ class Loaded:
     """
 
     def __init__(self, header, source, manifest, flags=FLAGS):
-        self.manifest, self.lock = manifest, threading.Lock()  # the C code has one workspace
-        self.library = ctypes.CDLL(str(compiler.library(joined_text(header, source, manifest["prefix"]), flags=flags)))
+        path = str(compiler.library(joined_text(header, source, manifest["prefix"]), flags=flags))
+        self.manifest, self.library = manifest, ctypes.CDLL(path)
+        self.lock = _locks.setdefault(path, threading.RLock())
         self._made = {self._key(row): CFunction(self, row) for row in manifest.get("functions", ())}
 
     @staticmethod
@@ -57,7 +59,7 @@ class Loaded:
         """LoadedSolver in a free slot, of a folder made from a problem; see there."""
         if "solver" not in self.manifest:
             raise AttributeError("the folder has no solver; make one from a problem file")
-        return LoadedSolver(self.library, self.manifest["prefix"], self.manifest)
+        return LoadedSolver(self.library, self.manifest["prefix"], self.manifest, self.lock)
 
     def pose(self, segment=None, X=1.0):
         """World <- frame at X of a segment [4 x 4] (q); the end of the last segment where none is named."""
@@ -79,7 +81,7 @@ class Loaded:
             raise AttributeError(f"the folder has no '{kind}{place}'; it has {have}") from None
 
     def __getattr__(self, name):
-        if name.startswith("_") or name in ("manifest", "library"):
+        if name.startswith("_") or name in ("manifest", "library", "lock"):
             raise AttributeError(name)
         return self._found(ALIASES.get(name, name))
 
@@ -87,9 +89,26 @@ class Loaded:
         return [*super().__dir__(), *(kind for kind, segment, _ in self._made if segment is None)]
 
     def worst_section(self, q):
-        """Name of the section of rod that turns most at q."""
-        call = getattr(self.library, f"{self.manifest['prefix']}_worst_section")
-        return self.manifest["sections"][call(ctypes.c_void_p(q.ctypes.data))]
+        """Name of the section of rod that turns most at q.
+
+        Raises ValueError for q of another size or with a number that is not finite, AttributeError without rods.
+        """
+        if not self.manifest["sections"]:
+            raise AttributeError("the robot has no sections of rod")
+        q = vector("worst_section", "q", q, len(self.manifest["coordinates"]), TYPES[self.manifest["real"]])
+        with self.lock:
+            index = getattr(self.library, f"{self.manifest['prefix']}_worst_section")(ctypes.c_void_p(q.ctypes.data))
+        if index < 0:
+            raise ValueError("worst_section: q holds a number that is not finite")
+        return self.manifest["sections"][index]
+
+
+def vector(where, name, x, size, real):
+    """Numbers of an argument as a contiguous array; raises ValueError for another size."""
+    x = np.ascontiguousarray(np.asarray(x, dtype=float).ravel(), dtype=real)
+    if x.size != size:
+        raise ValueError(f"{where}: {x.size} numbers given for {name}, {size} wanted")
+    return x
 
 
 class CFunction:
@@ -107,7 +126,8 @@ class CFunction:
         if len(args) != len(self.arguments):
             names = ", ".join(name for name, _ in self.arguments)
             raise TypeError(f"{self.name}: {len(args)} arguments given, {len(self.arguments)} wanted: {names}")
-        given = [self._vector(x, *wanted) for x, wanted in zip(args, self.arguments, strict=True)]
+        pairs = zip(args, self.arguments, strict=True)
+        given = [vector(self.name, name, x, size, self._type) for x, (name, size) in pairs]
         found = [np.empty(shape, dtype=self._type) for _, shape in self.results]
         pointers = [ctypes.c_void_p(x.ctypes.data) for x in (*given, *found) if x.size]
         with self.owner.lock:
@@ -117,12 +137,6 @@ class CFunction:
             raise ValueError(f"{self.name}: {why}")
         found = [x.astype(float) for x in found]
         return found[0] if len(found) == 1 else tuple(found)
-
-    def _vector(self, x, name, size):
-        x = np.ascontiguousarray(np.asarray(x, dtype=float).ravel(), dtype=self._type)
-        if x.size != size:
-            raise ValueError(f"{self.name}: {x.size} numbers given for {name}, {size} wanted")
-        return x
 
     def _said(self, code, given):
         """The sentence of a return code."""

@@ -14,16 +14,19 @@ MARGIN = 1.5  # the most that gcc -O1 to -O3, clang -O2 and gcc for a Cortex-M7 
 def stack_bytes(header, source, prefix):
     """Bound of the stack of any call but for what libm needs, or None without a compiler that tells: MARGIN times the
     deepest chain of frames at -O0 on this machine."""
-    found = compiler.find()
-    if found is None:
+    words = compiler.command()
+    if not words:
         return None
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / f"{prefix}.h").write_text(header, encoding="utf-8")
         (Path(folder) / f"{prefix}.c").write_text(source, encoding="utf-8")
-        command = [found, *STACK_FLAGS, f"{prefix}.c", "-o", f"{prefix}.s"]
-        done = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True)
+        command = [*words, *STACK_FLAGS, f"{prefix}.c", "-o", f"{prefix}.s"]
+        try:
+            failed = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True).returncode
+        except OSError:  # it cannot be started
+            return None
         usage = Path(folder) / f"{prefix}.su"
-        if done.returncode or not usage.is_file():
+        if failed or not usage.is_file():
             return None
         frames = dict(re.findall(r"(\w+)\t(\d+)\t", usage.read_text(encoding="utf-8")))
     return round(MARGIN * _deepest({name: int(size) for name, size in frames.items()}, source))

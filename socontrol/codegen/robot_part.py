@@ -48,14 +48,13 @@ class RobotPart:
     @cached_property
     def sections(self):
         """Names of the sections of rods."""
-        return [f"{piece.segment}.{piece.index}" for piece in self.robot.tree.pieces if piece.is_rod]
+        return self.robot.tree.sections
 
     @property
     def _turns(self):
         """Squared angle [rad^2] of each section of rod (q)."""
         q = ca.SX.sym("q", self.robot.n)
-        rods = [piece for piece in self.robot.tree.pieces if piece.is_rod]
-        squares = [ca.sumsqr(piece.strain(q)[:3] * piece.length) for piece in rods]
+        squares = [ca.sumsqr(turn) for turn in self.robot.tree.turns(q)]
         return ca.Function("turns", [q], [ca.densify(ca.SX(ca.vertcat(*squares)))], ["q"], ["turns"])
 
     # Header
@@ -161,13 +160,14 @@ class RobotPart:
     def _test(self, names, entry):
         wanted, found = self.wanted(entry), _sized(entry)
         tables = [
-            matrix(f"static const real {entry.name}_{name}[][{size}]", rows, self.real)
+            matrix(f"static const real wanted_{entry.name}_{name}[][{size}]", rows, self.real)
             for (name, size), rows in zip(found.items(), wanted, strict=True)
         ]
         given = [f"given_{name}[k]" for name, size in entry.arguments.items() if size]
         scales = [max(1e-300, float(np.abs(rows).max())) if np.any(rows) else 1.0 for rows in wanted]
         compared = "".join(
-            f"        difference = larger(difference, worst({name}, {entry.name}_{name}[k], {size}) / {scale!r});\n"
+            f"        difference = larger(difference, worst({name}, wanted_{entry.name}_{name}[k], {size})"
+            f" / {scale!r});\n"
             for (name, size), scale in zip(found.items(), scales, strict=True)
         )
         return "".join(tables) + TEST.format(

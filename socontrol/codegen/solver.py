@@ -14,8 +14,10 @@ import numpy as np
 from socontrol.codegen import solver_checks
 from socontrol.codegen.ctext import comment, literal, vector
 from socontrol.codegen.identifiers import distinct, identifier
+from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.questions import QUESTIONS
 from socontrol.programs.reduced import Reduced
+from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad
 
 TEMPLATES = ("dense.c", "qp.c", "sqp.c", "api.c")
@@ -26,7 +28,8 @@ CONSTANTS = {  # of templates/solver/sqp.c
     "SQP_SMALLEST_SLACK": (1e-10, "where goals that are nearly met close in slowly"),
     "SQP_NEAR": (1e-4, "a miss below which a goal is nearly met"),
     "SQP_CENTRE": (1e3, "larger multipliers of a goal far off mean that it is out of reach, and shift no slack"),
-    "SQP_FLOOR": (1e-9, "of the reduced Hessian, where costs leave an input free"),
+    "SQP_FLOOR": (1e-4, "of the reduced Hessian at its start, where costs leave an input free"),
+    "QP_DEPENDENT": (1e-24, "part of a row that is left across the active ones: less is rounding"),
     "SQP_LONGEST": (0.5, "scaled change of a coordinate in one step: about half a radian of a section"),
     "SQP_SHORT": (0.1, "the same where longer steps led nowhere"),
     "SQP_STEP": (1e-9, "scaled: smaller steps are none"),
@@ -38,17 +41,19 @@ CONSTANTS = {  # of templates/solver/sqp.c
     "SQP_ROOM": (1e-9, "that rounding may lie beyond a limit"),
     "SQP_FAR": (1e20, "no limit"),
 }
-COUNTS = {"SQP_HALVINGS": (14, "of a step"), "SQP_RESTARTS": (3, "of the Hessian where no step helps")}
+COUNTS = {"SQP_HALVINGS": (14, "of a step"), "SQP_RESTARTS": (3, "of the Hessian where no step helps"),
+          "SQP_SPREAD": (2, "starts beside rest before a goal is called out of reach"),
+          "SQP_STRIDES": (8, "of goals that walk from rest to their place")}
 
 
 def part(question):
     """SolverPart of a question; raises Bad for a question of another type or one that cannot be exported."""
-    try:
-        return SolverPart(question, Reduced(question))
-    except TypeError:
+    if not isinstance(question, Statics | InverseStatics):
         kind = next(name for name, cls in QUESTIONS.items() if isinstance(question, cls))
         sentence = "has no solver in C; statics and inverse_statics have, and a robot file gives plain functions"
-        raise Bad("type", f"'{kind}' {sentence}") from None
+        raise Bad("type", f"'{kind}' {sentence}")
+    try:
+        return SolverPart(question, Reduced(question))
     except ValueError as error:
         if isinstance(error, Bad):
             raise
@@ -64,7 +69,7 @@ class SolverPart:
     codes: dict = field(
         default_factory=lambda: {
             "NOT_CONVERGED": "the iteration limit was reached or the steps stalled; what was reached is in the struct",
-            "INFEASIBLE": "no posture within the limits meets the goals; the nearest one found is in the struct",
+            "INFEASIBLE": "no posture that meets the goals was found within the limits; the nearest is in the struct",
             "NO_SLOT": "every slot of the pool is taken; release one or define a larger _POOL",
         }
     )
@@ -139,7 +144,9 @@ class SolverPart:
         }  # fmt: skip
         lines = [f"enum {{ {', '.join(f'{k} = {v}' for k, v in sizes.items())} }};"]
         lines += [f"enum {{ {name} = {value} }}; /* {why} */" for name, (value, why) in COUNTS.items()]
-        lines += [f"#define {name} {value!r} /* {why} */" for name, (value, why) in CONSTANTS.items()]
+        own = {"SQP_SMOOTH": (r.smooth, "weight of f, an elastic energy"), "SQP_LEVEL": (r.level, "of the costs")}
+        constants = {**CONSTANTS, **own}
+        lines += [f"#define {name} {value!r} /* {why} */" for name, (value, why) in constants.items()]
         lines.append("typedef enum { SQP_CONVERGED, SQP_NOT_CONVERGED, SQP_INFEASIBLE, SQP_NUMERICAL } sqp_status;")
         return "#include <string.h>\n\n" + "\n".join(lines) + "\n"
 
@@ -230,7 +237,7 @@ class SolverPart:
         point = 2 * x + 1 + rows + rows * x
         program = 2 * v * v + 5 * v + 3 + _words(v + 2)
         reduced = q * q + q * (u + 1) + rows + (rows - q) * u + 1 + v * v + v + k * v + 2 * k
-        step = 3 * u + 3 + q + goals + 1 + u * u + 1 + 2 * q + 4 + max(1, sizes.w) + _words(q + max(1, sizes.iw))
+        step = 3 * u + 3 + q + 2 * goals + 1 + u * u + 1 + 2 * q + 4 + max(1, sizes.w) + _words(q + max(1, sizes.iw))
         pointers, quality, owner = 2 + 3, 4, 1
         return 8 * (2 * point + program + reduced + step + pointers + quality + owner)
 
@@ -327,7 +334,7 @@ READ_LIMITS = """\
     for (int j = 0; j < SQP_U; j++) {
         const double low = given->inputs_lower[j] / sqp_scale[SQP_Q + j];
         const double high = given->inputs_upper[j] / sqp_scale[SQP_Q + j];
-        if (!(low <= high)) return 0;
+        if (!(low <= high && low < SQP_FAR && high > -SQP_FAR)) return 0;
         lower[SQP_Q + j] = low;
         upper[SQP_Q + j] = high;
     }"""

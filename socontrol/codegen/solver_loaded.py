@@ -1,6 +1,7 @@
 """The exported solver of a folder, called from Python as a controller would call it."""
 
 import ctypes
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,13 +31,14 @@ class Answer:
 
 
 class LoadedSolver:
-    """One solver struct of a loaded library; give its slot back with `close`, or use it in a `with`.
+    """One solver struct of a loaded library; give its slot back with `close`, or use it in a `with`. Where neither is
+    done the slot is given back when the object is gone.
 
-    Raises RuntimeError where every slot of the pool is taken.
+    `lock`: that of the library. Raises RuntimeError where every slot of the pool is taken.
     """
 
-    def __init__(self, library, prefix, manifest):
-        self._library, self._prefix = library, prefix
+    def __init__(self, library, prefix, manifest, lock):
+        self._library, self._prefix, self._lock = library, prefix, lock
         solver = manifest["solver"]
         self._codes = manifest["codes"]
         self._sizes = {argument["name"]: argument["size"] for argument in solver["arguments"]}
@@ -48,22 +50,31 @@ class LoadedSolver:
         self._call("defaults", self.given)
         if self._codes[self._call("init", self.struct)] != "OK":
             raise RuntimeError("every slot of the solver's pool is taken; close another solver")
+        # The C code points at the struct until it is released, so the finalizer keeps it.
+        self._finalizer = weakref.finalize(self, _call, library, prefix, lock, "release", self.struct)
 
     def solve(self, max_iterations=100, cold=False, **arguments):
         """Answer to arguments by name (SI; those not named keep their last value); `cold`: from rest.
 
         Raises TypeError for an unknown argument and ValueError for one of another size.
         """
-        for name, value in arguments.items():
-            if name not in self._sizes:
-                raise TypeError(f"no argument '{name}'; there are {', '.join(self._sizes)}")
-            value = np.asarray(value, dtype=float).ravel()
-            if value.size != self._sizes[name]:
-                raise ValueError(f"{name}: {value.size} numbers given, {self._sizes[name]} wanted")
-            getattr(self.given, name)[:] = value.tolist()
-        if cold:
-            self._call("restart", self.struct)
-        code = self._call("solve", self.struct, self.given, ctypes.c_int(max_iterations))
+        values = {name: self._checked(name, value) for name, value in arguments.items()}
+        with self._lock:
+            for name, value in values.items():
+                getattr(self.given, name)[:] = value.tolist()
+            if cold:
+                self._call("restart", self.struct)
+            return self._answer(self._call("solve", self.struct, self.given, ctypes.c_int(max_iterations)))
+
+    def _checked(self, name, value):
+        if name not in self._sizes:
+            raise TypeError(f"no argument '{name}'; there are {', '.join(self._sizes)}")
+        value = np.asarray(value, dtype=float).ravel()
+        if value.size != self._sizes[name]:
+            raise ValueError(f"{name}: {value.size} numbers given, {self._sizes[name]} wanted")
+        return value
+
+    def _answer(self, code):
         found = self.struct
         return Answer(
             self._codes[code], np.array(getattr(found, "inputs", ())), np.array(found.coordinates),
@@ -72,7 +83,7 @@ class LoadedSolver:
 
     def close(self):
         """Give the slot back."""
-        self._call("release", self.struct)
+        self._finalizer()
 
     def __enter__(self):
         return self
@@ -81,8 +92,14 @@ class LoadedSolver:
         self.close()
 
     def _call(self, name, *arguments):
-        references = [a if isinstance(a, ctypes.c_int) else ctypes.byref(a) for a in arguments]
-        return getattr(self._library, f"{self._prefix}_{name}")(*references)
+        return _call(self._library, self._prefix, self._lock, name, *arguments)
+
+
+def _call(library, prefix, lock, name, *arguments):
+    """Return code of a C function of the solver."""
+    references = [a if isinstance(a, ctypes.c_int) else ctypes.byref(a) for a in arguments]
+    with lock:
+        return getattr(library, f"{prefix}_{name}")(*references)
 
 
 def _structure(vectors, memory):

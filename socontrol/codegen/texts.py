@@ -9,6 +9,10 @@ from socontrol.codegen import budget
 from socontrol.codegen.ctext import comment
 
 BOARD = "cortex_m7"  # templates of a bare-metal board, copied as they are
+SHARED = "Functions share a static workspace: call them from one thread, not from an interrupt of one another."
+WITH_SLOTS = """Plain functions share a static workspace: call them from one thread, not from an interrupt of one
+ * another. A solver's solve works in the slot of its struct: it may run in several threads, one struct each; call init
+ * and release from one thread."""
 BOARDS = """
 or for a Cortex-M7 (the lines are in cortex_m7/toolchain.cmake), which ctest runs in QEMU.
 """
@@ -24,8 +28,9 @@ def header(folder):
         f"    {names.macro(code):<{width}} = {k}{',' * (k < len(rows) - 1)} {comment(text).rstrip()}"
         for k, (code, text) in enumerate(rows.items())
     ]
+    slots = any(part.functions and not part.shares for part in folder.parts)  # workspaces beside the shared one
     return _filled("header.h", folder, declarations=parts, codes="\n".join(codes), ok=names.macro("OK"),
-                   guard=f"{names.prefix}_H".upper())  # fmt: skip
+                   guard=f"{names.prefix}_H".upper(), threads=WITH_SLOTS if slots else SHARED)  # fmt: skip
 
 
 def source(folder, code):

@@ -14,8 +14,8 @@ Sources: R. Featherstone, "Rigid Body Dynamics Algorithms", 2008, sec. 6.2; F. R
 import casadi as ca
 
 from socontrol.lie import se3
-from socontrol.mechanics import slices
-from socontrol.mechanics.motion import NOTHING, Sweep, basis, joint_inertia, moved_inertia, standing_places
+from socontrol.mechanics import slices, swinging
+from socontrol.mechanics.motion import NOTHING, Sweep, basis, moved_inertia, standing_places
 
 
 class Inertia:
@@ -33,26 +33,51 @@ class Inertia:
 def own_inertia(piece, q, density=None):
     """Inertia of one piece alone; `density` of the water whose added mass joins."""
     if not piece.is_rod:
-        return Inertia(*joint_inertia(piece, *piece.joint_step(q[piece.columns]), density))
+        pose, S = piece.joint_step(q[piece.columns])
+        N, n = body_inertia(piece, pose, density), piece.size
+        return Inertia(ca.DM(6, 6), ca.DM(6, n), ca.DM(n, n)).add(N, S)
     data = slices.slice_data(piece, slices.MASSES, density)
     kernel = slices.mass_kernel(tuple(p.x for p in piece.slices), basis(piece), slices.shape(data), density is not None)
     return Inertia(*kernel(q[piece.columns], piece.xi_bar, piece.length, data))
 
 
+def body_inertia(piece, pose, density):
+    """N [6 x 6] of the body on a joint, which stands at `pose` in its base."""
+    body, fluid = piece.record.body, piece.record.fluid if density is not None else None
+    if body is None and fluid is None:
+        return ca.DM(6, 6)
+    return moved(pose, slices.body_inertia(body or NOTHING, fluid, density), density)
+
+
+def moved(g, N, density):
+    """N [6 x 6] of the frame g, seen from the frame g is given in; without water one mass goes for all directions."""
+    if density is not None:
+        return moved_inertia(g, N)
+    R, r, h, m = se3.rotation(g), se3.position(g), axial(N[:3, 3:]), N[3, 3]
+    here = R @ h
+    there = here + m * r
+    J = R @ N[:3, :3] @ R.T - ca.skew(r) @ ca.skew(here) - ca.skew(there) @ ca.skew(r)
+    return slices.spatial(m, there, slices.mirrored(J))
+
+
+def axial(H):
+    """h [3] of skew(h)."""
+    return ca.vertcat(H[2, 1], H[0, 2], H[1, 0])
+
+
 def inertias(robot, kin):
-    """(Inertia, composite N of all it carries) of each piece, seen from the world, tip to base."""
+    """(Inertia, {x: composite N of what stands there}) of each piece, with all it carries, seen from its base."""
     tree, density = robot.tree, robot.water.density if robot.water else None
     own, carried = [None] * len(tree.pieces), [{} for _ in tree.pieces]
     for i in reversed(range(len(tree.pieces))):
-        piece, base = tree.pieces[i], kin.base(i)
-        alone, back = own_inertia(piece, kin.q, density), se3.Ad_inv(base)
-        here = Inertia(moved_inertia(base, alone.bb), back.T @ alone.bq, alone.qq)
+        piece, here = tree.pieces[i], own_inertia(tree.pieces[i], kin.q, density)
         for x, N in carried[i].items():
-            here = here.add(N, kin.twists(i, x))
+            here = here.add(N, kin.step(i, x)[1])
         own[i] = here
         if piece.parent is not None:
-            there = carried[piece.parent]
-            there[piece.place] = there[piece.place] + here.bb if piece.place in there else here.bb
+            g, there = kin.step(piece.parent, piece.place)[0] @ piece.placement, carried[piece.parent]
+            N = moved(g, here.bb, density)
+            there[piece.place] = there[piece.place] + N if piece.place in there else N
     return own, carried
 
 
@@ -66,9 +91,10 @@ def mass(robot, kin):
             continue
         blocks[i, i] = own[i].qq
         if piece.parent is not None:
+            G = se3.coAd(kin.base(i)) @ own[i].bq
             for j, x in tree.chain(piece.parent, piece.place):
                 if tree.pieces[j].size:
-                    blocks[j, i] = kin.twists(j, x).T @ own[i].bq
+                    blocks[j, i] = kin.twists(j, x).T @ G
                     blocks[i, j] = blocks[j, i].T
     return assembled(tree, blocks)
 
@@ -87,9 +113,7 @@ def kinetic_energy(robot, q, qd):
 
 def momentum(robot, kin, qd):
     """[6] angular momentum about the world's origin and linear momentum, world axes, with that of added mass."""
-    parts = [
-        se3.coAd(kin.base(i)) @ wrench for i, (_, wrench) in enumerate(_moving(robot, kin.q, qd))
-    ]
+    parts = [se3.coAd(kin.base(i)) @ wrench for i, (_, wrench) in enumerate(_moving(robot, kin.q, qd))]
     return sum(parts, ca.DM(6, 1))
 
 
@@ -107,7 +131,8 @@ def _moving(robot, q, qd):
 
 
 class Turning:
-    """What a piece carries, world axes: N, B [6 x 6], G, F, D [6 x n] and own = sum J^T J' [n x n]."""
+    """What a piece carries, seen from its base: N, B [6 x 6], G, F, D [6 x n] and own = sum J^T J' [n x n]; in axes
+    held still, about a point that goes on with the velocity of the base's origin."""
 
     def __init__(self, N, B, G, F, D, own):
         self.N, self.B, self.G, self.F, self.D, self.own = N, B, G, F, D, own
@@ -126,90 +151,98 @@ def coriolis(robot, kin, qd):
     for i in reversed(range(len(tree.pieces))):
         piece, here = tree.pieces[i], swing.own[i]
         for x, (N, B) in hanging[i].items():
-            here = here.add(N, B, *swing.twists[i, x])
+            here = here.add(N, B, *swing.at[i][x][1:])
         sums[i] = here
         if piece.parent is not None:
-            N, B = hanging[piece.parent].get(piece.place, (0, 0))
-            hanging[piece.parent][piece.place] = N + here.N, B + here.B
+            before = hanging[piece.parent].get(piece.place, (0, 0))
+            there = swing.moved(*swing.stand[i], here.N, here.B)
+            hanging[piece.parent][piece.place] = [x + y for x, y in zip(before, there, strict=True)]
     blocks = {}
     for i, piece in enumerate(tree.pieces):
         blocks[i, i] = sums[i].own
         if piece.parent is not None and piece.size:
+            G, F, D = swing.in_world(i, sums[i])
             for j, x in tree.chain(piece.parent, piece.place):
                 if tree.pieces[j].size:
-                    S, rate = swing.twists[j, x]
-                    blocks[j, i] = S.T @ sums[i].F
-                    blocks[i, j] = sums[i].G.T @ rate + sums[i].D.T @ S
+                    S, rate = swing.twists(j, x)
+                    blocks[j, i] = S.T @ F
+                    blocks[i, j] = G.T @ rate + D.T @ S
     return assembled(tree, blocks)
 
 
 class Swing:
-    """Pieces in motion, world axes: twists {(piece, x): S and dS/dt [6 x n_i]} where others stand, and the Turning of
-    each piece alone."""
+    """Pieces in motion. Of each piece `own` is its Turning alone; stand: pose [4 x 4] and velocity [3] of its base seen
+    from its parent's; at: {x: pose, S and dS/dt [6 x n_i]} where others stand, seen from its base; bases: pose and
+    velocity of its base in the world. Velocities in axes held still, against the base of what they are seen from."""
 
     def __init__(self, robot, q, qd):
         self.q, self.qd, self.density = q, qd, robot.water.density if robot.water else None
-        self.twists, self.own = {}, []
-        places, poses, moving = standing_places(robot.tree), {}, {}
-        for i, piece in enumerate(robot.tree.pieces):
-            stand = piece.parent, piece.place
-            base = piece.placement if piece.parent is None else poses[stand] @ piece.placement
-            V = moving.get(stand, ca.DM(6, 1))
-            turning, there = (self._section if piece.is_rod else self._joint)(piece, base, V, sorted(places[i]))
-            self.own.append(turning)
-            for x, (pose, S, rate) in there.items():
-                poses[i, x], self.twists[i, x] = base @ pose, (se3.Ad(base) @ S, se3.Ad(base) @ rate)
-                moving[i, x] = V + self.twists[i, x][0] @ qd[piece.columns]
+        self.tree, self._in_world = robot.tree, {}
+        self.own, self.stand, self.at, self.bases, turns = [], [], [], [], []
+        for piece, places in zip(robot.tree.pieces, standing_places(robot.tree), strict=True):
+            g, r_rate, w = piece.placement, ca.DM(3, 1), ca.DM(3, 1)
+            base = g, r_rate
+            if piece.parent is not None:
+                pose, S, _ = self.at[piece.parent][piece.place]
+                V = ca.vertcat(turns[piece.parent], ca.DM(3, 1)) + S @ qd[robot.tree.pieces[piece.parent].columns]
+                g = pose @ g
+                r_rate, w = V[3:] + ca.cross(V[:3], se3.position(g)), se3.rotation(g).T @ V[:3]
+                outer, rate = self.bases[piece.parent]
+                base = outer @ g, rate + se3.rotation(outer) @ r_rate
+            twist = ca.vertcat(w, se3.rotation(base[0]).T @ base[1])
+            own, at = (self._section if piece.is_rod else self._joint)(piece, twist, sorted(places))
+            for known, new in zip(
+                (self.own, self.stand, self.at, self.bases, turns), (own, (g, r_rate), at, base, w), strict=True
+            ):
+                known.append(new)
 
-    def _section(self, piece, base, V, places):
+    def _section(self, piece, twist, places):
         data = slices.slice_data(piece, slices.MASSES, self.density)
         nodes, wet = tuple(p.x for p in piece.slices), self.density is not None
-        kernel = slices.coriolis_kernel(nodes, tuple(places), basis(piece), slices.shape(data), wet)
-        still, rate = se3.Ad_inv(base) @ V, self.qd[piece.columns]
-        N, G, B, F, D, own, *there = kernel(self.q[piece.columns], rate, still, piece.xi_bar, piece.length, data)
-        G, F, D = (se3.coAd(base) @ part for part in (G, F, D))
-        turning = Turning(self._moved(base, N), moved_rate(base, B), G, F, D, own)
-        return turning, {x: there[3 * k : 3 * k + 3] for k, x in enumerate(places)}
+        kernel = swinging.coriolis_kernel(nodes, tuple(places), basis(piece), slices.shape(data), wet)
+        rate = self.qd[piece.columns]
+        N, G, B, F, D, own, *there = kernel(self.q[piece.columns], rate, twist, piece.xi_bar, piece.length, data)
+        return Turning(N, B, G, F, D, own), {x: there[3 * k : 3 * k + 3] for k, x in enumerate(places)}
 
-    def _moved(self, g, N):
-        return moved_solid(g, N) if self.density is None else moved_inertia(g, N)
-
-    def _joint(self, piece, base, V, places):
-        n, still = piece.size, se3.Ad_inv(base) @ V
+    def _joint(self, piece, twist, places):
+        n, turn = piece.size, ca.vertcat(twist[:3], ca.DM(3, 1))
         pose, S = piece.joint_step(self.q[piece.columns])
-        rate = se3.ad(still) @ S + piece.twists_rate(self.q, self.qd, 1.0)
+        rate = se3.ad(turn) @ S + piece.twists_rate(self.q, self.qd, 1.0)
         nothing = ca.DM(6, n)
         turning = Turning(ca.DM(6, 6), ca.DM(6, 6), nothing, nothing, nothing, ca.DM(n, n))
-        body, fluid = piece.record.body, piece.record.fluid
-        if body is not None or (fluid is not None and self.density is not None):
-            world = se3.Ad(base)
-            S_w, rate_w = world @ S, world @ rate
-            N = self._moved(base @ pose, slices.body_inertia(body or NOTHING, fluid, self.density))
-            turning = turning.add(N, self._turned(N, V + S_w @ self.qd[piece.columns]), S_w, rate_w)
+        N = body_inertia(piece, pose, self.density)
+        if N.nnz():
+            turning = turning.add(N, self._turned(N, turn + S @ self.qd[piece.columns], twist), S, rate)
         at = {0.0: (ca.DM.eye(4), nothing, nothing), 1.0: (pose, S, rate)}
         return turning, {x: at[x] for x in places}
 
-    def _turned(self, N, V):
-        """B [6 x 6] of a body of inertia N that moves with the twist V."""
-        if self.density is not None:
-            return -(N @ se3.ad(V)) - gyroscopic(N @ V)
+    def _turned(self, N, V, twist):
+        """B [6 x 6] of a body of inertia N that moves with the twist V against the origin of a base with `twist`."""
+        if self.density is not None:  # the momentum of added mass counts the velocity of the base, too
+            return -(N @ se3.ad(V)) - gyroscopic(N @ (V + ca.vertcat(ca.DM(3, 1), twist[3:])))
         w, v, m, h = V[:3], V[3:], N[3, 3], axial(N[:3, 3:])
         second = ca.trace(N[:3, :3]) / 2 * ca.DM.eye(3) - N[:3, :3]
-        return slices.swinging(ca.skew(w) @ second + v @ h.T, ca.cross(w, h) + m * v)
+        return swinging.swung(ca.skew(w) @ second + v @ h.T, ca.cross(w, h) + m * v)
 
+    def moved(self, g, r_rate, N, B):
+        """N and B of what stands at the frame g, which goes with the velocity r_rate, seen from the frame of g."""
+        N = moved(g, N, self.density)
+        return N, moved_rate(g, B) - ca.horzcat(N[:, 3:] @ ca.skew(r_rate), ca.DM(6, 3))
 
-def axial(H):
-    """h [3] of skew(h)."""
-    return ca.vertcat(H[2, 1], H[0, 2], H[1, 0])
+    def in_world(self, i, turning):
+        """G, F and D [6 x n_i] of piece i, seen from the world."""
+        base, velocity = self.bases[i]
+        G, F, D = (se3.coAd(base) @ part for part in (turning.G, turning.F, turning.D))
+        return G, F, D + ca.vertcat(ca.skew(velocity) @ G[3:, :], ca.DM(3, turning.G.columns()))
 
-
-def moved_solid(g, N):
-    """`moved_inertia` of a body with one mass for all directions."""
-    R, r, h, m = se3.rotation(g), se3.position(g), axial(N[:3, 3:]), N[3, 3]
-    turned = R @ h
-    moved = turned + m * r
-    J = slices.mirrored(R @ N[:3, :3] @ R.T - ca.skew(r) @ ca.skew(turned) - ca.skew(moved) @ ca.skew(r))
-    return slices.spatial(m, moved, J)
+    def twists(self, j, x):
+        """S and dS/dt [6 x n_j] of the place x on piece j, seen from the world."""
+        if (j, x) not in self._in_world:
+            (base, velocity), (_, S, rate) = self.bases[j], self.at[j][x]
+            S, rate = se3.Ad(base) @ S, se3.Ad(base) @ rate
+            swept = ca.vertcat(ca.DM(3, S.columns()), ca.skew(velocity) @ S[:3, :])
+            self._in_world[j, x] = S, rate + swept
+        return self._in_world[j, x]
 
 
 def moved_rate(g, B):

@@ -38,10 +38,8 @@ class Turning:
     """How far each section of rod turns at numeric q (and p); more than the series holds for is an error."""
 
     def __init__(self, tree, q, p):
-        self.coordinates, self._count = tree.coordinates, p.numel()
-        rods = [piece for piece in tree.pieces if piece.is_rod]
-        self.names = [f"{piece.segment}.{piece.index}" for piece in rods]
-        turns = ca.SX(ca.vertcat(*(piece.strain(q)[:3] * piece.length for piece in rods)))
+        self.coordinates, self.names, self._count = tree.coordinates, tree.sections, p.numel()
+        turns = ca.SX(ca.vertcat(*tree.turns(q)))
         if self._count:
             self._turns = ca.Function("turns", [q, p], [turns])
             return

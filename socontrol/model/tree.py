@@ -53,6 +53,15 @@ class Tree:
             raise ValueError(f"X = {X:g} on '{segment}': a joint has only 0 (before it) and 1 (its end frame)")
         return Frame(indices[0], X, self.pieces[indices[0]].end if X == 1 else ca.DM.eye(4))
 
+    @property
+    def sections(self):
+        """Names of the sections of rods, from base to end of each rod, rods in file order."""
+        return [f"{piece.segment}.{piece.index}" for piece in self.pieces if piece.is_rod]
+
+    def turns(self, q):
+        """Vector [3, rad] by which each of `sections` turns at q; the series of exp hold up to a length of 2 pi."""
+        return [piece.strain(q)[:3] * piece.length for piece in self.pieces if piece.is_rod]
+
     def chain(self, piece, x):
         """(piece, x) of everything that carries the place x on `piece`, from it to the root."""
         while piece is not None:

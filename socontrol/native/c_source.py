@@ -23,13 +23,13 @@ MATH = re.compile(
     r"(?=\s?\()"
 )
 SILENT = "#ifndef CASADI_PRINTF\n#define CASADI_PRINTF(...) ((void) 0)\n#endif"  # a controller has no place to print
-POOL = ("checkout", "release")  # of the slots of an entry with memory
-WRITTEN = {"casadi_real", "casadi_int", "CASADI_MAX_NUM_THREADS"}  # types and pool: said in the head
+MEMORY = re.compile(r"^int casadi_f\d+_checkout\(void\)", re.MULTILINE)  # of slots in static memory
+WRITTEN = {"casadi_real", "casadi_int"}  # types: said in the head
 LINKED = {"CASADI_PREFIX", "CASADI_SYMBOL_EXPORT"}  # for names that other files see: here none is seen
 
 
 class NotExportable(ValueError):
-    """CasADi has no C for what a Function holds; the text says what and why."""
+    """There is no C for what a Function holds; the text says what and why."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,12 @@ class CSource:
         static int NAME(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 
     text: the C99 text; it needs no other file and defines casadi_real (`real`) and casadi_int (int).
-    sizes: {C name: Sizes}. operations: {C name: arithmetic operations of one call, without those of solvers}.
+    sizes: {C name: Sizes}. operations: {C name: `operations` of its Function}.
     bytes: {C name: length of the text it reaches, what it shares with others included}; statements: {C name: {each
     definition it reaches: its lines}}, for an estimate of the compiler's time.
-    memory: {C name: whether it needs a slot}. Such entries (conic qrqp, nlpsol sqpmethod) have a pool of slots, as
-    many as the macro CASADI_MAX_NUM_THREADS says (1 where it is not defined before): `int NAME_checkout(void)` gives
-    the number of a free slot for `mem` (negative where none is left) and `void NAME_release(int)` gives it back.
-    Raises NotExportable; ValueError for two entries of one name.
+    An entry keeps nothing between calls: `mem` may be any number.
+    Raises NotExportable, also for Functions that do keep something (nlpsol sqpmethod); ValueError for two entries of
+    one name.
     """
 
     def __init__(self, functions, real="double"):
@@ -62,18 +61,18 @@ class CSource:
             raise ValueError(f"real '{real}' is given; double or float is wanted")
         self.real, self.functions = real, dict(functions)
         raw, entries = _generated(self.functions)
-        _refuse_errors(raw)
+        refuse_errors(raw)
+        if MEMORY.search(raw):
+            raise NotExportable("a solver of CasADi's in it keeps memory of its own between calls")
         items = items_of(raw)
         self.sizes = {name: _sizes(raw, own) for name, own in entries.items()}
         inner = {name: _inner(raw, own) for name, own in entries.items()}
-        self.memory = {name: f"\nint {f}_checkout(void)" in raw for name, f in inner.items()}
-        roots = {name: [f, *(f"{f}_{end}" for end in POOL if self.memory[name])] for name, f in inner.items()}
         owners, given = _owners(items), {f: name for name, f in inner.items()}
         items = [replace(item, text=_tidy(item.text, given, real)) for item in items]
-        kept = {name: _reached(items, owners, own) for name, own in roots.items()}
+        kept = {name: _reached(items, owners, f) for name, f in inner.items()}
         every = [items[k] for k in sorted(set().union(*kept.values()))]
         text = "\n".join(item.comment + item.text for item in every)
-        self.text = f"{_head(text, real)}{text}\n"
+        self.text = f"{_head(text, real)}\n{text}\n"
         self.bytes = {name: sum(len(items[k].text) + 1 for k in own) for name, own in kept.items()}
         self.statements = {name: {k: items[k].text.count("\n") for k in own} for name, own in kept.items()}
         self.operations = {name: operations(f) for name, f in self.functions.items()}
@@ -86,13 +85,29 @@ class CSource:
 
 
 def operations(function):
-    """Operations of one call of a Function, those of the Functions it calls included."""
-    own = 0 if not function.is_a("SXFunction") and not function.is_a("MXFunction") else function.n_instructions()
-    return own + sum(operations(other) for other in called_by(function))
+    """Operations that one call of a Function does: those of a Function it calls count at each call; solvers have 0."""
+    return _own(function) + sum(operations(other) for other in _called_by(function))
 
 
-def called_by(function):
-    """The Functions that an MX Function calls, one for each call."""
+def lengths(functions):
+    """[instructions of its own] of each Function that `functions` reach, themselves included: what stands in the
+    code, where a Function that is called several times stands once."""
+    found, waiting = {}, list(functions)
+    while waiting:
+        function = waiting.pop()
+        if hash(function) not in found:  # two objects of one Function have one hash
+            found[hash(function)] = function
+            waiting += _called_by(function)
+    return [_own(function) for function in found.values()]
+
+
+def _own(function):
+    """Instructions of a Function without those of the Functions it calls."""
+    return function.n_instructions() if function.is_a("SXFunction") or function.is_a("MXFunction") else 0
+
+
+def _called_by(function):
+    """The Functions that a Function calls, one for each call."""
     if not function.is_a("MXFunction"):
         return []
     calls = (k for k in range(function.n_instructions()) if function.instruction_id(k) == ca.OP_CALL)
@@ -116,7 +131,7 @@ def _generated(functions):
     return generator.dump(), entries
 
 
-def _refuse_errors(text):
+def refuse_errors(text):
     """Raise NotExportable where the generator has written down that it could not."""
     _, found, rest = text.partition("#error ")
     if found:
@@ -223,9 +238,9 @@ def _owners(items):
     return owners
 
 
-def _reached(items, owners, roots):
-    """Indices of the items that the roots reach."""
-    kept, seen, waiting = set(), set(roots), list(roots)
+def _reached(items, owners, root):
+    """Indices of the items that a name reaches."""
+    kept, seen, waiting = set(), {root}, [root]
     while waiting:
         for k in owners.get(waiting.pop(), ()):
             if k not in kept:
@@ -242,11 +257,9 @@ def _static(text):
 
 
 def _head(text, real):
-    """Includes, types, and the size of pools."""
+    """Includes and types."""
     includes = "#include <math.h>\n" + "#include <stddef.h>\n" * ("size_t" in text)
-    types = f"\n#define casadi_real {real}\n#define casadi_int int\n"
-    pool = "#ifndef CASADI_MAX_NUM_THREADS\n#define CASADI_MAX_NUM_THREADS 1\n#endif\n"
-    return includes + types + pool * ("CASADI_MAX_NUM_THREADS]" in text) + "\n"
+    return f"{includes}\n#define casadi_real {real}\n#define casadi_int int\n"
 
 
 def _tidy(text, names, real):

@@ -15,7 +15,7 @@ import numpy as np
 
 from socontrol.lie import stumpff
 from socontrol.mechanics.functions import Functions, RobotFunction
-from socontrol.native import compiler
+from socontrol.native import c_source, compiler
 from socontrol.native.buffers import Buffered
 
 CHAINED_BEYOND = 3  # sections of rod: longer chains are smaller and faster in C as one call a section
@@ -69,10 +69,9 @@ class CompiledFunctions(Functions):
     @cached_property
     def _beyond(self):
         """Function (q [, p]) -> how many coordinates are not finite and how many sections turn too far."""
-        q, p, pieces = self._q, self._p, self.robot.tree.pieces
+        q, p = self._q, self._p
         fine = [ca.fabs(x) <= sys.float_info.max for x in ca.vertsplit(q)]
-        turns = [ca.sumsqr(piece.strain(q)[:3] * piece.length) for piece in pieces if piece.is_rod]
-        fine += [turn <= stumpff.RANGE**2 for turn in turns]  # NaN is at most nothing
+        fine += [ca.sumsqr(turn) <= stumpff.RANGE**2 for turn in self.robot.tree.turns(q)]  # NaN is at most nothing
         return ca.Function("beyond", [q, p] if self.parameters else [q], [len(fine) - sum(fine, ca.SX(0))])
 
 
@@ -164,32 +163,25 @@ def _vector(value):
 
 def compiled(function):
     """A CasADi Function in machine code; the Function itself where it is longer than COMPILED_UP_TO or, after a
-    CompilerWarning, where no C compiler works."""
-    if size(function) > COMPILED_UP_TO:
+    CompilerWarning, where it has no C or no C compiler works."""
+    length = sum(c_source.lengths([function]))
+    if length > COMPILED_UP_TO:
         return function
     try:
-        return external(function)
-    except (compiler.NoCompiler, compiler.CompileError) as error:
+        return external(function, compiler.FLAGS if length <= OPTIMISED_UP_TO else HASTY)
+    except (compiler.NoCompiler, compiler.CompileError, c_source.NotExportable) as error:
         compiler.failed(error)
         return function
 
 
-def external(function):
-    """A CasADi Function from a shared library of its C code; raises NoCompiler or CompileError."""
+def external(function, flags):
+    """A CasADi Function from a shared library of its C code; raises NoCompiler, CompileError or NotExportable."""
     generator = ca.CodeGenerator(function.name())
     generator.add(function)
     text = generator.dump()
-    if "#error" in text:
-        reason = text.split("#error", 1)[1].splitlines()[0].strip()
-        raise compiler.CompileError(f"{function.name()} cannot be written as C: {reason}")
-    flags = compiler.FLAGS if size(function) <= OPTIMISED_UP_TO else HASTY
+    c_source.refuse_errors(text)
     flags += ("-fstrict-aliasing",) * function.is_a("MXFunction")  # it helps calls; plain code only takes longer
     return _loaded(function.name(), str(compiler.library(text, flags=flags)))
-
-
-def size(function):
-    """Instructions of a Function, those of the Functions it calls counted once each."""
-    return function.n_instructions() + sum(function.get_function(f).n_instructions() for f in function.get_function())
 
 
 @functools.cache

@@ -73,28 +73,12 @@ def _warn(sentence):
 
 def find():
     """Path of the C compiler, or None."""
-    command = _command()
-    return command[0] if command else None
+    found = command()
+    return found[0] if found else None
 
 
-def version():
-    """What the C compiler calls itself, one line; raises NoCompiler."""
-    return _version(_needed())
-
-
-def library(text, *, flags=FLAGS):
-    """Path of a shared library of C text, made once and kept; raises NoCompiler or CompileError."""
-    command = _needed()
-    name = kept.key(text, *flags, *command, _version(command), kept.machine(NATIVE in flags))
-    folder = kept.folder()
-    try:
-        return kept.found(name, folder) or kept.keep(name, folder, lambda part: _compiled(command, text, flags, part))
-    except OSError as error:
-        raise CompileError(f"nothing can be kept in {folder}: {error.strerror or error}") from None
-
-
-def _command():
-    """The compiler's path and the flags that $CC may give with it; empty where there is none."""
+def command():
+    """The C compiler's path and the words that $CC may give with it; empty where there is none."""
     try:
         given = shlex.split(os.environ.get("CC", ""))
     except ValueError:
@@ -106,10 +90,25 @@ def _command():
     return ()
 
 
+def version():
+    """What the C compiler calls itself, one line; raises NoCompiler."""
+    return _version(_needed())
+
+
+def library(text, *, flags=FLAGS):
+    """Path of a shared library of C text, made once and kept; raises NoCompiler or CompileError."""
+    words = _needed()
+    name = kept.key(text, *flags, *words, _version(words), kept.machine(NATIVE in flags))
+    folder = kept.folder()
+    try:
+        return kept.found(name, folder) or kept.keep(name, folder, lambda part: _compiled(words, text, flags, part))
+    except OSError as error:
+        raise CompileError(f"nothing can be kept in {folder}: {error.strerror or error}") from None
+
+
 def _needed():
-    command = _command()
-    if command:
-        return command
+    if words := command():
+        return words
     if os.environ.get("CC"):
         missing = f"the C compiler that CC names, '{os.environ['CC']}', is not found"
     else:

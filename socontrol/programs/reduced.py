@@ -2,8 +2,9 @@
 
     rows(x, p) = (r, g, side, R),   minimise |R|^2 / 2 + f   subject to   r = 0, g = 0, side >= 0, lower <= x <= upper
 with x = (q, u) over their scales: r the balance of forces, g the goals to be met exactly, `side` their guards (an axis
-may not point the other way), R the rows of costs and weighted goals that are squares, f what is not. Of a `statics`
-question x = q, and the inputs are parameters. p stacks targets, loads (and inputs), all in SI.
+may not point the other way), R the rows of costs and weighted goals that are squares, f what is not. Costs are divided
+by `level`, the sum of their weights, so that their size does not matter. Of a `statics` question x = q, and the inputs
+are parameters. p stacks targets, loads (and inputs), all in SI.
 """
 
 from dataclasses import dataclass
@@ -133,17 +134,14 @@ class Reduced:
     def cost(self, q, u, p):
         """|R|^2 / 2 + f at numeric q, u, p [SI]."""
         rows, _, f, _, _ = self.function(np.concatenate([q, u]) / self.scale, p)
-        return float(np.sum(np.array(rows).ravel()[-self.counts["R"] :] ** 2) / 2 * (self.counts["R"] > 0) + f)
+        squares = np.array(rows).ravel()[sum(self.counts.values()) - self.counts["R"] :] ** 2
+        return self.level * float(np.sum(squares) / 2 + f)
 
     @property
     def _beyond(self):
         """Largest squared turn of a section over what the series hold for."""
         q = self._x[: self.robot.n] * ca.DM(self.scales.q)
-        turns = [
-            ca.sumsqr(piece.strain(q)[:3] * piece.length) / stumpff.RANGE**2
-            for piece in self.robot.tree.pieces
-            if piece.is_rod
-        ]
+        turns = [ca.sumsqr(turn) / stumpff.RANGE**2 for turn in self.robot.tree.turns(q)]
         return ca.mmax(ca.vertcat(*turns)) if turns else ca.SX(0)
 
     @cached_property
@@ -187,12 +185,12 @@ class Reduced:
             if goal.weight is not None:
                 distance = goal_rows(name, goal, "distance", robot, terms.kin, target)
                 sizes = ca.DM(np.resize(scale, distance.numel()))
-                blocks["R"].append(float(np.sqrt(goal.weight)) * distance / sizes)
+                blocks["R"].append(float(np.sqrt(goal.weight / self.level)) * distance / sizes)
                 continue
             blocks["g"].append(goal_rows(name, goal, "miss", robot, terms.kin, target) / ca.DM(scale))
             if hasattr(goal, "guard"):
                 blocks["side"].append(goal.guard(robot, terms.kin, target))
-        blocks["R"] += [cost.rows(terms) for cost in self._costs if hasattr(cost, "rows")]
+        blocks["R"] += [cost.rows(terms) / np.sqrt(self.level) for cost in self._costs if hasattr(cost, "rows")]
         return blocks
 
     @property
@@ -203,7 +201,18 @@ class Reduced:
 
     @property
     def _smooth(self):
-        return sum((cost.expression(self._terms) for cost in self._costs if not hasattr(cost, "rows")), 0)
+        smooth = (cost.expression(self._terms) for cost in self._costs if not hasattr(cost, "rows"))
+        return sum(smooth, 0) / self.level
+
+    @property
+    def level(self):
+        """Sum of the costs' weights; 1 where there is no cost."""
+        return float(sum(cost.weight for cost in self._costs)) or 1.0
+
+    @property
+    def smooth(self):
+        """Weight of f, the elastic energy, over the level."""
+        return float(sum(cost.weight for cost in self._costs if not hasattr(cost, "rows"))) / self.level
 
     def _refuse_singular(self):
         """Raise ValueError naming a coordinate that inputs and loads do not fix at the start."""

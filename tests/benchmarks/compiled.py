@@ -22,6 +22,8 @@ import peers
 import reference_rod
 from dynamics_scaling import calibration, clocked, state
 
+from socontrol.native.buffers import Buffered
+
 # Without -fexpensive-optimizations gcc contracts nothing to fused multiply-adds; the rest of -O2 gains nothing more.
 # Without -fstrict-aliasing chained forms read pointers again after each store (a fifth slower); on one Function of
 # 35 000 instructions it takes gcc four times as long and gains a tenth.
@@ -42,23 +44,17 @@ CHAINED = ("inverse_dynamics", "forward_dynamics")
 JOINTS = (7, 20, 50)
 
 
-class Call:
-    """A Function between fixed arrays: `run()` evaluates it into `results`."""
+def called(function, values):
+    """Buffered form of a Function that was called with values once: `run()` evaluates it again."""
+    call = Buffered(function)
+    call(*values)
+    return call
 
-    def __init__(self, function, values):
-        self.buffer, self.run = function.buffer()
-        self.values = [np.ascontiguousarray(value, dtype=float) for value in values]
-        self.results = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
-        for i, value in enumerate(self.values):
-            self.buffer.set_arg(i, memoryview(value))
-        for i, result in enumerate(self.results):
-            self.buffer.set_res(i, memoryview(result))
-        self.run()
 
-    def gap(self, other):
-        """Largest difference from another's results, over the largest entry of each of its results."""
-        pairs = zip(self.results, other.results, strict=True)
-        return max((np.max(np.abs(a - b)) / np.max(np.abs(b)) for a, b in pairs if b.size), default=0.0)
+def largest_gap(call, other):
+    """Largest difference of a call's outputs from another's, over the largest entry of each of these."""
+    pairs = zip(call.outputs, other.outputs, strict=True)
+    return max((np.max(np.abs(a - b)) / np.max(np.abs(b)) for a, b in pairs if b.size), default=0.0)
 
 
 class Compiler:
@@ -110,16 +106,16 @@ def rod(name, sections, compiler, labels):
     robot = reference_rod.robot(sections)
     made, good = forms(robot, name), True
     values, vm = arguments(robot, name), made.pop("VM")
-    calls, facts = {"VM": Call(vm, values)}, {}
+    calls, facts = {"VM": called(vm, values)}, {}
     for label in labels:
         for form, function in made.items():
             external, *facts[label, form] = compiler(function, FLAGS[form][label])
-            calls[label, form] = Call(external, values)
+            calls[label, form] = called(external, values)
     times = least({key: call.run for key, call in calls.items()})
     wanted, ratio = GOALS[name][sections]
     head = f"{name.replace('_', ' '):17s}{sections:3d}{vm.n_instructions():8d}{times['VM'] * 1e6:8.1f}"
     for key, (text, library, spent) in facts.items():
-        gap, us = calls[key].gap(calls["VM"]), times[key] * 1e6
+        gap, us = largest_gap(calls[key], calls["VM"]), times[key] * 1e6
         good &= gap <= TOLERANCE
         line = f"{head}  {key[0]:9s}{key[1]:8s}{us:8.2f}{wanted:7.1f}{times['VM'] / times[key]:7.1f}{ratio:7.1f}"
         verdict = "" if gap <= TOLERANCE else "  DIFFERS"
@@ -138,14 +134,14 @@ def chains(compiler, labels):
         robot = peers.our_chain(n)
         values = state(robot, seed=n)
         function = robot.functions().inverse_dynamics.function
-        calls = {label: Call(compiler(function, PLAIN_FLAGS[label])[0], values) for label in labels}
+        calls = {label: called(compiler(function, PLAIN_FLAGS[label])[0], values) for label in labels}
         model, data = peers.their_chain(n)
         runs = {label: call.run for label, call in calls.items()}
         runs["pin"] = lambda model=model, data=data, values=values: pin.rnea(model, data, *values)
         theirs, times = runs["pin"](), least(runs)
         row = f"{n:4d}{times['pin'] * 1e6:10.2f}"
         for label, call in calls.items():
-            gap = peers.difference(call.results[0], theirs)
+            gap = peers.difference(call.outputs[0].ravel(), theirs)
             good &= gap <= peers.TOLERANCE["Pinocchio"]
             row += f"{times[label] * 1e6:12.2f}{times['pin'] / times[label]:9.2f}{gap:8.0e}"
         print(row, flush=True)
@@ -157,7 +153,7 @@ def soromox(compiler, labels, sections=16):
     robot = reference_rod.robot(sections)
     values = arguments(robot, "forward_dynamics")
     function = robot.functions(chained=True).forward_dynamics.function
-    calls = {label: Call(compiler(function, CHAINED_FLAGS[label])[0], values) for label in labels}
+    calls = {label: called(compiler(function, CHAINED_FLAGS[label])[0], values) for label in labels}
     y = np.concatenate(values[:2])
     forward = peers.soromox_forward(sections)
     theirs = np.array(forward(y))[robot.n :]
@@ -165,7 +161,7 @@ def soromox(compiler, labels, sections=16):
     print(f"\nreference rod, {sections} sections, forward dynamics: SoRoMoX {times['soromox'] * 1e6:.0f} us;", end=" ")
     rows = (f"{k} {times[k] * 1e6:.1f} us, {times['soromox'] / times[k]:.0f} times as fast" for k in calls)
     print("; ".join(rows))
-    gaps = [peers.difference(call.results[0], theirs) for call in calls.values()]
+    gaps = [peers.difference(call.outputs[0].ravel(), theirs) for call in calls.values()]
     print(f"largest difference {max(gaps):.0e} (SoRoMoX's Gauss weights hold 5e-8)")
     return max(gaps) <= peers.TOLERANCE["SoRoMoX"]
 

@@ -17,6 +17,7 @@ import numpy as np
 import reach
 
 import socontrol as so
+from socontrol.codegen import loaded
 from socontrol.native import compiler
 
 STEPS = 20
@@ -93,7 +94,7 @@ def main(arguments):
         where = folder or Path(scratch) / "two_modules"
         so.codegen(python.question, where)
         library = so.load_compiled(where)
-        print(f"compiled with {compiler.find()} {' '.join(compiler.FLAGS)}")
+        print(f"compiled with {' '.join([*compiler.command(), *loaded.FLAGS])}")
         with library.solver() as solver:
             goals = np.loadtxt(reach.GOALS, delimiter=",")[: counts[0] if counts else 500, 6:9]
             bad = reachable(solver, python, goals) > 0.01 * len(goals)

@@ -5,8 +5,8 @@
  */
 #include "$prefix.h"
 
-#ifdef __FAST_MATH__
-#error "compile without -ffast-math: what is given and what comes out is checked for infinities"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
+#error "compile without -ffast-math and -ffinite-math-only: what is given and comes out is checked for infinities"
 #endif
 
 $casadi

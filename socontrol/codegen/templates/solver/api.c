@@ -69,13 +69,14 @@ int PREFIX_solve(PREFIX_solver *s, const PREFIX_given *given, int max_iterations
     memcpy(s->memory, &memory, sizeof memory);
     for (int i = 0; i < SQP_Q; i++) s->coordinates[i] = w->at->x[i] * sqp_scale[i];
     SQP_ANSWER
-    s->cost = w->at->f + sqp_dot(w->at->rows + SQP_COST, w->at->rows + SQP_COST, SQP_ROWS - SQP_COST) / 2;
+    s->cost = sqp_dot(w->at->rows + SQP_COST, w->at->rows + SQP_COST, SQP_ROWS - SQP_COST) / 2;
+    s->cost = w->quality.balance < INFINITY ? SQP_LEVEL * (s->cost + w->at->f) : INFINITY;
     s->balance = w->quality.balance;
     s->miss = w->quality.miss;
     s->stationarity = w->quality.stationarity;
     s->iterations = w->quality.iterations;
     s->warm = status == SQP_CONVERGED;
-    s->stable = sqp_stable(w);
+    s->stable = w->quality.balance < INFINITY && sqp_stable(w);
     s->status = codes[status];
     return s->status;
 }

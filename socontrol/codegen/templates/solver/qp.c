@@ -89,21 +89,27 @@ static void qp_drop(qp_state *q, int at)
     }
 }
 
-/* The inequality that is missed most, or -1. */
+/* The inequality that is missed most and not active yet, or -1. */
 static int qp_worst(const qp_state *q, const double *C, const double *b)
 {
     double most = 0;
     int worst = -1;
     for (int i = QP_EQUAL; i < QP_ROWS; i++) {
         const double gap = (sqp_dot(C + i * QP_V, q->x, QP_V) - b[i]) / (1 + fabs(b[i]));
-        if (gap < -1e-12 && gap < most) {
+        int active = 0; /* then it holds but for rounding */
+        for (int k = 0; k < q->count; k++) active = active || q->active[k] == i;
+        if (!active && gap < -1e-12 && gap < most) {
             most = gap;
             worst = i;
         }
     }
-    for (int k = 0; k < q->count; k++)
-        if (q->active[k] == worst) return -1; /* it holds but for rounding */
     return worst;
+}
+
+/* Whether an equality holds at x. */
+static int qp_holds(const qp_state *q, const double *C, const double *b, int row)
+{
+    return row < QP_EQUAL && fabs(sqp_dot(C + row * QP_V, q->x, QP_V) - b[row]) <= 1e-9 * (1 + fabs(b[row]));
 }
 
 /* Steps until a row holds: 1, or 0 where the active rows forbid it. */
@@ -116,13 +122,13 @@ static int qp_meet(qp_state *q, const double *C, const double *b, int row)
         int leaving = -1;
         qp_direction(q, n);
         slope = sqp_dot(q->z, n, QP_V);
-        if (slope > 1e-12 * sqp_dot(q->d, q->d, QP_V)) full = (b[row] - sqp_dot(n, q->x, QP_V)) / slope;
+        if (slope > QP_DEPENDENT * sqp_dot(q->d, q->d, QP_V)) full = (b[row] - sqp_dot(n, q->x, QP_V)) / slope;
         for (int k = 0; row >= QP_EQUAL && k < q->count; k++)
             if (q->active[k] >= QP_EQUAL && q->r[k] > 1e-14 && q->y[k] / q->r[k] < partial) {
                 partial = q->y[k] / q->r[k];
                 leaving = k;
             }
-        if (full == INFINITY && leaving < 0) return row < QP_EQUAL; /* an equality that repeats others is no harm */
+        if (full == INFINITY && leaving < 0) return qp_holds(q, C, b, row); /* an equality that repeats others is no harm */
         step = partial < full ? partial : full;
         for (int i = 0; full < INFINITY && i < QP_V; i++) q->x[i] += step * q->z[i];
         for (int k = 0; k < q->count; k++) q->y[k] -= step * q->r[k];
@@ -139,10 +145,13 @@ static int qp_meet(qp_state *q, const double *C, const double *b, int row)
 static int qp_solve(qp_state *q, double *G, const double *a, const double *C, const double *b, double *y)
 {
     if (!qp_start(q, G, a)) return 0;
-    for (int row = 0; row < QP_EQUAL; row++) qp_meet(q, C, b, row);
+    for (int row = 0; row < QP_EQUAL; row++)
+        if (!qp_meet(q, C, b, row)) return 0;
     for (int steps = 0; steps < 20 + 10 * QP_ROWS; steps++) {
         const int row = qp_worst(q, C, b);
         if (row < 0) {
+            for (int k = 0; k < QP_EQUAL; k++)
+                if (!qp_holds(q, C, b, k)) return 0;
             for (int i = 0; i < QP_ROWS; i++) y[i] = 0;
             for (int k = 0; k < q->count; k++) y[q->active[k]] = q->y[k];
             return 1;

@@ -30,7 +30,7 @@ typedef struct {
     double LU[SQP_Q * SQP_Q], W[SQP_Q * (SQP_U + 1)], value[SQP_ROWS], slope[(SQP_ROWS - SQP_Q) * SQP_U + 1];
     double G[QP_V * QP_V], a[QP_V], C[QP_ROWS * QP_V], b[QP_ROWS], y[QP_ROWS];
     double du[SQP_U + 1], dq[SQP_Q], gradient[SQP_U + 1], before[SQP_U + 1], mu[SQP_GOALS + 1], B[SQP_U * SQP_U + 1];
-    double offset[SQP_Q], column[SQP_Q], nu, nu_r, slack, longest;
+    double offset[SQP_Q + SQP_GOALS], column[SQP_Q], nu, nu_r, slack, longest;
     double reals[SQP_REALS];
     int pivot[SQP_Q], integers[SQP_INTEGERS];
     const double *p, *lower, *upper;
@@ -46,7 +46,7 @@ static int sqp_evaluate(sqp_work *w, sqp_point *at)
         for (int j = 0; j < SQP_X; j++) at->J[i * SQP_X + j] = j == i;
         at->rows[i] = at->x[i] - w->lower[i];
     }
-    for (int i = 0; i < SQP_Q; i++) at->rows[i] -= w->offset[i];
+    for (int i = 0; i < SQP_Q + SQP_GOALS; i++) at->rows[i] -= w->offset[i];
     return isfinite(at->f) && sqp_largest(at->rows, SQP_ROWS) < INFINITY &&
            sqp_largest(at->J, SQP_ROWS * SQP_X) < INFINITY && sqp_largest(at->df, SQP_X) < INFINITY;
 }
@@ -82,7 +82,8 @@ static int sqp_reduce(sqp_work *w)
     return 1;
 }
 
-/* B := Hessian of |R|^2 / 2 with R taken as linear. */
+/* B := Hessian of |R|^2 / 2 with R taken as linear, and of f as if it were SQP_SMOOTH |q|^2 / 2: scaled elastic tangents have
+   a unit diagonal. */
 static void sqp_restart(sqp_work *w)
 {
     for (int i = 0; i < SQP_U; i++)
@@ -90,6 +91,8 @@ static void sqp_restart(sqp_work *w)
             double sum = i == j ? SQP_FLOOR : 0;
             for (int k = SQP_COST - SQP_Q; k < SQP_ROWS - SQP_Q; k++)
                 sum += w->slope[k * SQP_U + i] * w->slope[k * SQP_U + j];
+            for (int k = 0; SQP_SMOOTH > 0 && k < SQP_Q; k++)
+                sum += SQP_SMOOTH * w->W[k * (SQP_U + 1) + i] * w->W[k * (SQP_U + 1) + j];
             w->B[i * SQP_U + j] = sum;
         }
 }
@@ -115,7 +118,7 @@ static void sqp_update(sqp_work *w)
     }
     sBs = sqp_dot(s, Bs, SQP_U);
     st = sqp_dot(s, t, SQP_U);
-    if (!(sBs > SQP_FLOOR * SQP_FLOOR)) return;
+    if (!(sBs > 1e-20)) return;
     if (st < 0.2 * sBs) {
         const double keep = 0.8 * sBs / (sBs - st);
         for (int i = 0; i < SQP_U; i++) t[i] = keep * t[i] + (1 - keep) * Bs[i];
@@ -212,6 +215,10 @@ static double sqp_merit(const sqp_work *w, const sqp_point *at)
     const double *R = at->rows + SQP_COST;
     double side = 0;
     for (int k = SQP_Q + SQP_GOALS; k < SQP_COST; k++) side = fmax(side, -at->rows[k]);
+    for (int k = 0; k < SQP_BOUNDED; k++) {
+        const int i = sqp_bounded[k];
+        side = fmax(side, fmax(w->lower[i] - at->x[i], at->x[i] - w->upper[i]));
+    }
     return at->f + sqp_dot(R, R, SQP_ROWS - SQP_COST) / 2 + w->nu * (sqp_norm(at->rows + SQP_Q, SQP_GOALS) + side) +
            w->nu_r * sqp_norm(at->rows, SQP_Q);
 }
@@ -222,18 +229,27 @@ static double sqp_followed(double penalty, double wanted)
     return wanted > penalty ? wanted : sqrt(penalty * wanted);
 }
 
-/* Penalties above the multipliers of goals and of the balance (K^T lambda = -gradient along q). */
+/* Penalties above the multipliers of goals, sides and limits of coordinates, and of the balance (K^T lambda = -gradient
+   along q). */
 static void sqp_penalties(sqp_work *w)
 {
     const sqp_point *at = w->at;
+    double limits = 0;
+    for (int k = SQP_GOALS + 2 * SQP_U; SQP_U > 0 && k < QP_ROWS; k++) limits += w->y[k];
     for (int i = 0; i < SQP_Q; i++) {
         double *sum = w->column + i;
         *sum = -at->df[i];
         for (int k = 0; k < SQP_GOALS; k++) *sum -= w->mu[k] * at->J[(SQP_Q + k) * SQP_X + i];
         for (int k = SQP_COST; k < SQP_ROWS; k++) *sum -= at->rows[k] * at->J[k * SQP_X + i];
+        for (int k = 0; SQP_U > 0 && k < SQP_SIDES; k++)
+            *sum += w->y[QP_ROWS - 2 * (SQP_SIDES - k)] * at->J[(SQP_Q + SQP_GOALS + k) * SQP_X + i];
+    }
+    for (int k = 0; SQP_U > 0 && k < SQP_BOUNDED; k++) {
+        const double *y = w->y + SQP_GOALS + 2 * SQP_U + 2 * k;
+        w->column[sqp_bounded[k]] += y[0] - y[1];
     }
     lu_solve_transposed(w->LU, w->pivot, w->column, SQP_Q);
-    w->nu = sqp_followed(w->nu, 1 + 1.5 * sqp_norm(w->mu, SQP_GOALS));
+    w->nu = sqp_followed(w->nu, 1 + 1.5 * (sqp_norm(w->mu, SQP_GOALS) + limits));
     w->nu_r = sqp_followed(w->nu_r, 1 + 1.5 * sqp_norm(w->column, SQP_Q));
 }
 
@@ -242,7 +258,7 @@ static int sqp_search(sqp_work *w)
 {
     const sqp_point *from = w->at;
     sqp_point *to = w->next;
-    const double start = sqp_merit(w, from), most = sqp_largest(w->dq, SQP_Q);
+    const double start = sqp_merit(w, from), most = fmax(sqp_largest(w->dq, SQP_Q), sqp_largest(w->du, SQP_U));
     double length = most > w->longest ? w->longest / most : 1, fall = 0;
     for (int j = 0; j < SQP_U; j++) fall += w->du[j] * sqp_dot(w->B + j * SQP_U, w->du, SQP_U);
     for (int halving = 0; halving < SQP_HALVINGS; halving++, length /= 2) {
@@ -268,6 +284,21 @@ static int sqp_meets(const sqp_quality *quality, sqp_status status)
     return quality->miss >= SQP_OUT_OF_REACH && quality->stationarity <= SQP_REACH;
 }
 
+/* Whether heavier goals would move a point that stands still: then the cost held it back, and the step is theirs. */
+static int sqp_heavier(sqp_work *w)
+{
+    const double before = w->slack;
+    double miss = 0;
+    w->slack = fmax(0.01 * before, SQP_SMALLEST_SLACK);
+    if (w->slack < before && sqp_step(w)) {
+        for (int k = 0; k < SQP_GOALS; k++)
+            miss = fmax(miss, fabs(w->value[SQP_Q + k] + sqp_dot(w->slope + k * SQP_U, w->du, SQP_U)));
+        if (miss < 0.5 * w->quality.miss) return 1;
+    }
+    w->slack = before;
+    return 0;
+}
+
 /* Steps from w->at until nothing moves; `fresh`: the Hessian starts anew. */
 static sqp_status sqp_iterate(sqp_work *w, int fresh, int limit)
 {
@@ -290,13 +321,16 @@ static sqp_status sqp_iterate(sqp_work *w, int fresh, int limit)
             if (!sqp_step(w)) return SQP_NUMERICAL;
         }
         sqp_look(w);
-        slow = w->quality.miss < SQP_NEAR && w->quality.miss > 0.2 * missed && w->slack > SQP_SMALLEST_SLACK;
+        slow = w->quality.miss < SQP_NEAR && w->quality.miss > 0.2 * missed;
         missed = w->quality.miss;
         change = fmax(sqp_largest(w->du, SQP_U), sqp_largest(w->dq, SQP_Q));
         if (change <= SQP_STEP && sqp_meets(&w->quality, SQP_CONVERGED)) return SQP_CONVERGED;
-        if (change <= SQP_REACH && sqp_meets(&w->quality, SQP_INFEASIBLE) && !slow) return SQP_INFEASIBLE;
+        if (change <= SQP_REACH && sqp_meets(&w->quality, SQP_INFEASIBLE)) {
+            if (!sqp_heavier(w)) return SQP_INFEASIBLE;
+            slow = 0;
+        }
         if (w->quality.iterations >= limit) return SQP_NOT_CONVERGED;
-        if (slow) w->slack = fmax(0.01 * w->slack, SQP_SMALLEST_SLACK);
+        if (slow && w->slack > SQP_SMALLEST_SLACK) w->slack = fmax(0.01 * w->slack, SQP_SMALLEST_SLACK);
         sqp_penalties(w);
         moved = sqp_search(w);
         if (moved) {
@@ -338,6 +372,22 @@ static sqp_status sqp_load_steps(sqp_work *w, const double *start, int limit)
     return SQP_NOT_CONVERGED;
 }
 
+/* The goals walk from where they are at the start to where they shall be. */
+static sqp_status sqp_walk(sqp_work *w, int limit)
+{
+    double start[SQP_GOALS + 1];
+    sqp_status status = SQP_NOT_CONVERGED;
+    if (!sqp_evaluate(w, w->at)) return SQP_NUMERICAL;
+    memcpy(start, w->at->rows + SQP_Q, SQP_GOALS * sizeof(double));
+    for (int k = 1; k <= SQP_STRIDES; k++) {
+        for (int i = 0; i < SQP_GOALS; i++) w->offset[SQP_Q + i] = start[i] * (SQP_STRIDES - k) / SQP_STRIDES;
+        status = sqp_iterate(w, k == 1, limit);
+        if (status != SQP_CONVERGED) break;
+    }
+    memset(w->offset, 0, sizeof w->offset);
+    return status == SQP_INFEASIBLE ? SQP_NOT_CONVERGED : status; /* what is in the way is not the goal */
+}
+
 /* The answer seen afresh: rows, slopes and multipliers once more at w->at, and its limits. */
 static int sqp_stands(sqp_work *w, sqp_status status)
 {
@@ -351,14 +401,29 @@ static int sqp_stands(sqp_work *w, sqp_status status)
     return sqp_meets(&w->quality, status);
 }
 
-/* From the memory (`warm`), from rest, and from rest in short steps; the memory keeps the last point reached. */
+/* A start: what is remembered, or rest; `spread` 1: with inputs amid their ranges, beyond: spread over them by multiples
+   of the golden ratio. Steps from rest may end at a symmetric shape, or at limits far from the answer. */
+static void sqp_start(sqp_work *w, const double *from, int spread)
+{
+    double *x = w->at->x;
+    for (int i = 0; i < SQP_X; i++) x[i] = i < SQP_Q ? from[i] : fmin(fmax(from[i], w->lower[i]), w->upper[i]);
+    for (int j = SQP_Q; spread > 0 && j < SQP_X; j++) {
+        const double golden = 0.618033988749895 * (j - SQP_Q + 1), place = spread * (golden - floor(golden));
+        const double low = fmax(w->lower[j], x[j] - 1), high = fmin(w->upper[j], x[j] + 1);
+        x[j] = low + (high - low) * (spread == 1 ? 0.5 : place - floor(place));
+    }
+    for (int k = 0; k < SQP_HELD; k++) x[sqp_held[k]] = w->lower[sqp_held[k]];
+}
+
+/* From the memory (`warm`), from rest, from rest in short steps, from rest with goals that walk, and from spread inputs,
+   until one converges; the memory keeps the last point reached. */
 static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
 {
     sqp_status status = SQP_NOT_CONVERGED;
     double near[SQP_X], nearest = INFINITY;
     w->quality.iterations = 0;
-    for (int cold = !warm; cold < 3; cold++) {
-        const double *start = cold ? sqp_rest : m->x;
+    w->quality.balance = w->quality.miss = w->quality.stationarity = INFINITY;
+    for (int cold = !warm; cold < (SQP_U > 0 ? 4 + SQP_SPREAD : 3); cold++) {
         double from[SQP_X];
         w->at = w->points;
         w->next = w->points + 1;
@@ -366,15 +431,14 @@ static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
         memset(w->offset, 0, sizeof w->offset);
         memset(w->du, 0, sizeof w->du);
         memset(w->y, 0, sizeof w->y);
-        for (int i = 0; i < SQP_X; i++) from[i] = i < SQP_Q ? start[i] : fmin(fmax(start[i], w->lower[i]), w->upper[i]);
-        for (int k = 0; k < SQP_HELD; k++) from[sqp_held[k]] = w->lower[sqp_held[k]];
-        memcpy(w->at->x, from, sizeof from);
+        sqp_start(w, cold ? sqp_rest : m->x, cold - 3);
+        memcpy(from, w->at->x, sizeof from);
         memcpy(w->B, m->B, sizeof w->B);
         if (cold)
             memset(w->mu, 0, sizeof w->mu);
         else
             memcpy(w->mu, m->mu, sizeof w->mu);
-        status = sqp_iterate(w, cold, limit);
+        status = cold == 3 ? sqp_walk(w, limit) : sqp_iterate(w, cold > 0, limit);
         if (SQP_U == 0 && status != SQP_CONVERGED) status = sqp_load_steps(w, from, limit);
         if (status == SQP_INFEASIBLE && w->quality.miss < nearest) {
             nearest = w->quality.miss;
@@ -395,11 +459,14 @@ static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
     return status;
 }
 
-/* Whether the tangent at w->at is positive definite: a disturbance dies out. */
+/* Whether the tangent at w->at, of what is not held, is positive definite: a disturbance dies out. */
 static int sqp_stable(sqp_work *w)
 {
     for (int i = 0; i < SQP_Q; i++)
         for (int j = 0; j < SQP_Q; j++)
             w->LU[i * SQP_Q + j] = (w->at->J[i * SQP_X + j] + w->at->J[j * SQP_X + i]) / 2;
+    for (int k = 0; k < SQP_HELD; k++)
+        for (int j = 0; j < SQP_Q; j++)
+            w->LU[sqp_held[k] * SQP_Q + j] = w->LU[j * SQP_Q + sqp_held[k]] = j == sqp_held[k];
     return cholesky(w->LU, SQP_Q);
 }
