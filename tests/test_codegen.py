@@ -4,6 +4,7 @@ import ctypes
 import json
 import re
 import shutil
+import signal
 import subprocess
 import threading
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 import socontrol as so
 from socontrol import cli
 from socontrol.codegen import budget, ctext, identifiers, measure, place
+from socontrol.codegen import folder as writer
 from socontrol.codegen.catalogue import KINDS, BadRequest
 from socontrol.codegen.loaded import QUICK
 from socontrol.native.c_source import CSource, NotExportable
@@ -309,6 +311,19 @@ def test_threads_that_share_a_solver_get_the_answers_to_their_own_arguments(held
 
 
 @needs("gcc")
+def test_a_solver_forgets_arguments_that_are_refused_and_takes_only_c_ints(held):
+    with so.load_compiled(held, flags=QUICK).solver() as solver:
+        right = solver.solve(cold=True, inputs=[-0.3]).coordinates
+        assert solver.solve(inputs=[np.nan]).status == "BAD_INPUT"
+        again = solver.solve(cold=True)
+        assert again.solved and np.array_equal(again.coordinates, right)
+        for number in (2**32 + 5, 2**31, -(2**31) - 1, 5.5, "5"):
+            with pytest.raises(ValueError, match="max_iterations: .* is given"):
+                solver.solve(number)
+        assert solver.solve(np.int64(100), cold=True).solved
+
+
+@needs("gcc")
 def test_the_section_that_turns_most_is_told_by_name(folder, odd):
     loaded, q = so.load_compiled(folder, flags=QUICK), np.zeros(16)
     q[9] = 1.0
@@ -334,6 +349,26 @@ def test_single_precision_says_how_far_it_is_from_python(tmp_path, capsys):
     code, output = run(f"gcc {' '.join(STRICT)} -Wdouble-promotion -c stiff_flop.c", tmp_path / "c")
     assert code == 0, output
     assert run("gcc -std=c99 selftest.c stiff_flop.c -lm -o t && ./t", tmp_path / "c")[0] == 0
+
+
+@pytest.mark.parametrize("text", ["no program", "#!/no/such/interpreter\n"])
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_what_no_compiler_measured_is_said(text, real, odd, tmp_path, capsys, monkeypatch):
+    (tmp_path / "cc").write_text(text)
+    (tmp_path / "cc").chmod(0o755)
+    monkeypatch.setenv("CC", str(tmp_path / "cc"))
+    assert codegen(odd.parent / "odd.yaml", "-o", tmp_path / "c", "--functions", "mass", "--real", real) == 0
+    said, manifest = capsys.readouterr().err, manifest_of(tmp_path / "c")
+    assert manifest["stack_bytes"] is manifest["float_error"] is None
+    assert "not measured, for lack of a C compiler that works and knows -fstack-usage: the stack" in said
+    assert ("the error of single precision" in said) == (real == "float")
+
+
+@needs("gcc")
+def test_what_was_measured_needs_no_words(odd, tmp_path, capsys):
+    args = ("--functions", "mass", "--real", "float")
+    assert codegen(odd.parent / "odd.yaml", "-o", tmp_path / "c", *args) == 0
+    assert "not measured" not in capsys.readouterr().err
 
 
 # C
@@ -473,6 +508,85 @@ def test_a_folder_that_is_not_ours_is_left_alone(folder, tmp_path, capsys):
     assert codegen(robot, "-o", tmp_path / "c", *wanted) == 0
     assert [row["kind"] for row in manifest_of(tmp_path / "c")["functions"]] == ["elastic_force"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["c", "mine"]
+
+
+DAMAGES = {
+    "memory": lambda m: m["solver"].update(memory_doubles=0),
+    "codes": lambda m: m["codes"].pop(),
+    "seal": lambda m: m.pop("manifest_sha256"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_manifest_that_was_changed_is_not_loaded(damage, held, tmp_path):
+    shutil.copytree(held, tmp_path / "c")
+    manifest = manifest_of(held)
+    damage(manifest)
+    (tmp_path / "c" / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(ValueError, match="c: 'manifest.json' was changed since it was generated"):
+        so.load_compiled(tmp_path / "c")
+
+
+def test_a_manifest_of_another_version_is_not_loaded(held, tmp_path):
+    shutil.copytree(held, tmp_path / "c")
+    (tmp_path / "c" / "manifest.json").write_text(json.dumps({**manifest_of(held), "schema_version": 2}))
+    with pytest.raises(ValueError, match="has schema_version 2, 1 is wanted"):
+        so.load_compiled(tmp_path / "c")
+
+
+@pytest.mark.parametrize("name", ["held.c", "held.h"])
+@pytest.mark.parametrize("text", ["", "int x;\n"])
+def test_code_that_was_changed_is_not_loaded(name, text, held, tmp_path):
+    shutil.copytree(held, tmp_path / "c")
+    (tmp_path / "c" / name).write_text(text)
+    with pytest.raises(ValueError, match=f"'{name}' was changed since it was generated"):
+        so.load_compiled(tmp_path / "c")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{}", "null", "[" * 100_000, '{"generator": "socontrol"}', "\udcff", '{"generator": "socontrol", '
+     '"schema_version": 1, "prefix": [], "files": 3}', "1" * 10_000],
+)  # fmt: skip
+def test_what_is_no_manifest_is_a_sentence(text, tmp_path):
+    (tmp_path / "manifest.json").write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(ValueError, match="no folder of socontrol codegen"):
+        so.load_compiled(tmp_path)
+    assert codegen(robot_file("stiff_flop"), "-o", tmp_path, "--functions", "elastic_force") == 2
+
+
+@needs("cmake")
+@needs("gcc")
+def test_what_the_readme_builds_inside_the_folder_does_not_block_the_next_generation(odd, tmp_path, capsys):
+    shutil.copytree(odd, tmp_path / "c")
+    again, name = ("--functions", "mass"), manifest_of(odd)["prefix"]
+    assert run(["cmake", "-S", ".", "-B", "build"], tmp_path / "c")[0] == 0
+    lines = re.findall(r"^    (gcc .*) &&", (odd / "README").read_text(), re.MULTILINE)
+    for line in [*lines, f"gcc -O0 -c {name}.c"]:
+        assert run(line.replace("-O1", "-O0"), tmp_path / "c")[0] == 0
+    assert codegen(odd.parent / "odd.yaml", "-o", tmp_path / "c", *again) == 0
+    names = {path.name for path in (tmp_path / "c").iterdir()}
+    assert not names & {"build", "example", "selftest", f"{name}.o"} and "manifest.json" in names
+    for strange in ("build/notes", "example/notes", "mine.o"):
+        path = tmp_path / "c" / strange
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+        capsys.readouterr()
+        assert codegen(odd.parent / "odd.yaml", "-o", tmp_path / "c", *again) == 2
+        assert f"holds '{strange.partition('/')[0]}', which was not generated" in capsys.readouterr().err
+        assert path.read_text() == "mine"
+        path.unlink()
+        if path.parent.name != "c":
+            path.parent.rmdir()
+
+
+def test_ctrl_c_is_one_line_and_writes_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(writer, "CSource", lambda *args: signal.raise_signal(signal.SIGINT))
+    before = signal.getsignal(signal.SIGINT)
+    assert codegen(robot_file("stiff_flop"), "-o", tmp_path / "c", "--functions", "mass") == 130
+    said = capsys.readouterr().err
+    assert "interrupted" in said and len(said.splitlines()) == 1 and not list(tmp_path.iterdir())
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_disk_that_fails_half_way_leaves_the_folder_that_was_there(folder, tmp_path, capsys, monkeypatch):

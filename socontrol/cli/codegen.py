@@ -1,7 +1,8 @@
 """`socontrol codegen`: a robot or problem file in, a folder of C code out."""
 
 from socontrol.cli.console import console
-from socontrol.cli.errors import BAD_FILE, USAGE, say, told
+from socontrol.cli.errors import BAD_FILE, INTERRUPTED, USAGE, interrupted, say, told
+from socontrol.cli.interrupts import Interrupts
 from socontrol.codegen.budget import TooLarge
 from socontrol.codegen.catalogue import BadRequest
 from socontrol.codegen.folder import write
@@ -14,6 +15,17 @@ LIMIT = 5  # exit code of what the user can allow with a flag
 
 def export(path, output, functions, real, force, overrides=()):
     """Exit code; says what was written on stdout, and what was left out on stderr."""
+    with Interrupts() as stop:
+        try:
+            return _export(path, output, functions, real, force, overrides)
+        except (Exception, KeyboardInterrupt) as error:
+            if not (stop.seen or interrupted(error)):
+                raise
+            say(f"{path}: interrupted")
+            return INTERRUPTED
+
+
+def _export(path, output, functions, real, force, overrides):
     wanted = None if functions is None else [text for text in functions.split(",") if text.strip()]
     try:
         written = write(path, output, wanted, real=real, force=force, overrides=overrides)
@@ -31,8 +43,16 @@ def export(path, output, functions, real, force, overrides=()):
     for name, why in written.too_large.items():
         say(f"left out: {name}: {why}")
     show(written.manifest, console())
+    if unknown := not_measured(written.manifest):
+        say(f"not measured, for lack of a C compiler that works and knows -fstack-usage: {' and '.join(unknown)}")
     say(f"{output}{'' if str(output).endswith('/') else '/'} written")
     return 0
+
+
+def not_measured(manifest):
+    """What the manifest leaves open because this machine has no compiler that tells it."""
+    error = manifest["real"] == "float" and manifest["functions"] and not manifest["float_error"]
+    return ["the stack"] * (manifest["stack_bytes"] is None) + ["the error of single precision"] * bool(error)
 
 
 def show(manifest, out):

@@ -1,7 +1,6 @@
 """Writes the folder of C code of a robot or of a problem, whole or not at all."""
 
 import dataclasses
-import hashlib
 import json
 import re
 from dataclasses import replace
@@ -12,6 +11,7 @@ from socontrol.codegen import budget, measure, texts
 from socontrol.codegen.catalogue import KINDS, BadRequest, entries, wishes
 from socontrol.codegen.identifiers import prefix
 from socontrol.codegen.loaded import float_errors
+from socontrol.codegen.manifest import MANIFEST, SCHEMA_VERSION, sealed, sha256
 from socontrol.codegen.part import Folder, Names
 from socontrol.codegen.place import put, refuse_foreign
 from socontrol.codegen.robot_part import MARGIN, RobotPart
@@ -21,8 +21,6 @@ from socontrol.files.robot_file import robot_of
 from socontrol.files.yaml_reader import read_yaml
 from socontrol.mechanics.robot import Robot
 from socontrol.native.c_source import REALS, CSource, NotExportable
-
-SCHEMA_VERSION = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,8 +149,8 @@ def _files(plan, code, left_out, key):
     }  # fmt: skip
     for part in plan.parts:
         manifest.update(part.manifest(plan.names, code))
-    manifest["files"] = {path: hashlib.sha256(text.encode()).hexdigest() for path, text in files.items()}
-    return {**files, "manifest.json": texts.manifest(manifest)}, manifest
+    manifest = sealed({**manifest, "files": {path: sha256(text) for path, text in files.items()}})
+    return {**files, MANIFEST: texts.manifest(manifest)}, manifest
 
 
 def static_bytes(plan, code):
@@ -172,7 +170,7 @@ def digest(subject, plan):
     """Hash of the description of a robot or question, and of what was asked for."""
     asked = [plan.names.real, *(list(part.functions) for part in plan.parts)]
     text = json.dumps([_described(subject), asked], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return sha256(text)
 
 
 def _described(value):

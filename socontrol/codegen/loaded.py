@@ -1,12 +1,11 @@
 """A folder of C code, compiled and called from Python: the same names as Functions, numpy in and out."""
 
 import ctypes
-import json
 import threading
-from pathlib import Path
 
 import numpy as np
 
+from socontrol.codegen.manifest import opened
 from socontrol.codegen.solver_loaded import LoadedSolver
 from socontrol.native import compiler
 
@@ -20,16 +19,10 @@ _locks = {}  # {path of a library: its lock}: a process has each library, and so
 def load_compiled(folder, flags=FLAGS):
     """Loaded of a folder that `socontrol codegen` wrote; its C code is compiled once and kept.
 
-    Raises ValueError for another folder, NoCompiler or CompileError.
+    Raises ValueError for another folder and for one whose manifest, header or source was changed since, NoCompiler or
+    CompileError.
     """
-    folder = Path(folder)
-    try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        if manifest["generator"] != "socontrol":
-            raise KeyError("generator")
-        header, source = ((folder / f"{manifest['prefix']}{end}").read_text(encoding="utf-8") for end in (".h", ".c"))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{folder}: no folder of socontrol codegen ({type(error).__name__}: {error})") from None
+    manifest, header, source = opened(folder)
     return Loaded(header, source, manifest, flags)
 
 

@@ -3,13 +3,15 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
+from socontrol.codegen.manifest import MANIFEST, ODD
 from socontrol.files.result_file import change_places
 from socontrol.files.yaml_reader import UnreadableFile, one_line
 
-MANIFEST = "manifest.json"
+BUILT = re.compile(r"(example|selftest)(\.exe)?|[^/]+\.o")  # files that compilers make of the folder's own
 
 
 def refuse_foreign(folder):
@@ -32,11 +34,14 @@ def _refuse_strangers(folder):
     try:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         known = dict(content["files"]) if content.get("generator") == "socontrol" else {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except ODD:
         known = {}
     if not known:
         raise _refused(folder, "holds other files than generated code; choose another folder with -o")
+    built = {path for path in folder.iterdir() if _is_built(path, known)}
     for path in sorted(folder.rglob("*")):
+        if path in built or not built.isdisjoint(path.parents):
+            continue
         name = path.relative_to(folder).as_posix()
         ours = path.is_dir() and not path.is_symlink() and any(k.startswith(f"{name}/") for k in known)
         if name == MANIFEST or ours:
@@ -45,6 +50,16 @@ def _refuse_strangers(folder):
             raise _refused(folder, f"holds '{name}', which was not generated; move it or choose another folder")
         if path.is_symlink() or hashlib.sha256(path.read_bytes()).hexdigest() != known[name]:
             raise _refused(folder, f"'{name}' was changed by hand; move it or choose another folder")
+
+
+def _is_built(path, known):
+    """Whether a path is what the lines of the folder's README make: a program, an object file, CMake's folder."""
+    if path.is_symlink():
+        return False
+    if path.is_dir():
+        return path.name.startswith("build") and (path / "CMakeCache.txt").is_file()
+    object_of = path.suffix != ".o" or path.with_suffix(".c").name in known
+    return path.name not in known and bool(BUILT.fullmatch(path.name)) and object_of
 
 
 def _refused(folder, why):

@@ -1,6 +1,7 @@
 """The exported solver of a folder, called from Python as a controller would call it."""
 
 import ctypes
+import operator
 import weakref
 from dataclasses import dataclass
 
@@ -56,15 +57,21 @@ class LoadedSolver:
     def solve(self, max_iterations=100, cold=False, **arguments):
         """Answer to arguments by name (SI; those not named keep their last value); `cold`: from rest.
 
-        Raises TypeError for an unknown argument and ValueError for one of another size.
+        Raises TypeError for an unknown argument, ValueError for one of another size or for max_iterations that are no
+        C int. Arguments that are answered with BAD_INPUT are not kept.
         """
+        limit = _c_int("max_iterations", max_iterations)
         values = {name: self._checked(name, value) for name, value in arguments.items()}
         with self._lock:
+            before = bytes(self.given)
             for name, value in values.items():
                 getattr(self.given, name)[:] = value.tolist()
             if cold:
                 self._call("restart", self.struct)
-            return self._answer(self._call("solve", self.struct, self.given, ctypes.c_int(max_iterations)))
+            code = self._call("solve", self.struct, self.given, limit)
+            if self._codes[code] == "BAD_INPUT":
+                ctypes.memmove(ctypes.byref(self.given), before, len(before))
+            return self._answer(code)
 
     def _checked(self, name, value):
         if name not in self._sizes:
@@ -100,6 +107,17 @@ def _call(library, prefix, lock, name, *arguments):
     references = [a if isinstance(a, ctypes.c_int) else ctypes.byref(a) for a in arguments]
     with lock:
         return getattr(library, f"{prefix}_{name}")(*references)
+
+
+def _c_int(name, number):
+    """The number as a C int; raises ValueError for one that is none."""
+    try:
+        number = operator.index(number)
+    except TypeError:
+        raise ValueError(f"{name}: {number!r:.40} is given, a whole number is wanted") from None
+    if ctypes.c_int(number).value != number:
+        raise ValueError(f"{name}: {number} is given, which is no C int")
+    return ctypes.c_int(number)
 
 
 def _structure(vectors, memory):
