@@ -102,7 +102,7 @@ class SolverPart:
         m, n, given = self.reduced.inputs, self.reduced.robot.n, names("given")
         rows = [_member(f"{name}[{size}]", about) for name, size, about in self.fields]
         if m:
-            rows.append(_member(f"inputs_lower[{m}]", "least inputs, in the order of inputs below"))
+            rows.append(_member(f"inputs_lower[{m}]", "least inputs, in order and units of inputs below"))
             rows.append(_member(f"inputs_upper[{m}]", "largest inputs; equal to the least: a given input"))
         members = "\n".join(rows) or _member("nothing", "this question has no arguments")
         inputs = _member(f"inputs[{m}]", _listed(self.reduced.robot.inputs, self.reduced.robot.input_units)) + "\n"
@@ -112,6 +112,7 @@ class SolverPart:
             restart=names("restart"), release=names("release"), ok=names.macro("OK"), slot=names.macro("NO_SLOT"),
             not_converged=names.macro("NOT_CONVERGED"), infeasible=names.macro("INFEASIBLE"),
             bad=names.macro("BAD_INPUT"), failed=names.macro("FAILED"), title=self._title,
+            length=self.reduced.robot.length,
         )  # fmt: skip
 
     @property
@@ -267,8 +268,8 @@ def _table(name, values, kind="double"):
 HEADER = """\
 /* {title}
 
-   Slots of working memory: as many solvers can be at work at a time. Define {macro} for the whole build to have
-   more. */
+   Slots of working memory: as many solvers can be at work at a time. For more, define {macro} in the
+   whole build (-D{macro}=2 on every line); manifest.json tells the bytes of a slot. */
 #ifndef {macro}
 #define {macro} 1
 #endif
@@ -278,15 +279,17 @@ typedef struct {{
 {members}
 }} {given};
 
-/* A solver: answer, quality, and what its next start knows. {init} fills it; leave slot, warm and memory alone. */
+/* A solver: answer, quality, and what its next start knows. {init} fills it; leave slot, warm and memory alone.
+   After BAD_INPUT the last answer stands. A converged answer may be unstable: look at `stable`. */
 typedef struct {{
-{inputs}    double coordinates[{n}];
+{inputs}    double coordinates[{n}]; /* in the order above */
     double cost;         /* as in the problem file */
     double balance;      /* largest unbalanced force, over the scale of its coordinate */
-    double miss;         /* largest miss of a goal: over the robot's length, or rad */
+    double miss;         /* largest miss of a goal: over the robot's length ({length:.6g} m), or rad */
     double stationarity; /* largest entry of the scaled gradient that multipliers leave */
     int iterations, stable; /* stable: the tangent stiffness is positive definite there */
-    int status, slot, warm;
+    int status;          /* what solve returned last */
+    int slot, warm;
     double memory[{memory}];
 }} {solver};
 
@@ -297,9 +300,13 @@ void {defaults}({given} *given);
    A slot that the same struct had before is used again. */
 int {init}({solver} *solver);
 
-/* Solves, from the last answer if that converged, else (or if that fails) from rest, in at most max_iterations steps.
-   {ok}: converged, and seen afresh (balance, goals, limits, stationarity). {infeasible}: what is nearest is in the
-   struct. {not_converged}, {failed}, {bad}: not to be used. */
+/* Solves, from the last answer if that converged, else (or if that fails) from rest and further starts, in at most
+   max_iterations steps of all starts together, which bounds the time: warm steps along a path take few, goals out of
+   reach may take all.
+   {ok}: converged, and seen afresh (balance, goals, limits, stationarity).
+   {infeasible}: the nearest posture found is in the struct.
+   {not_converged}: the last point is in the struct, no answer.
+   {failed}, {bad}: nothing to be used. */
 int {solve}({solver} *solver, const {given} *given, int max_iterations);
 
 /* The next solve starts from rest. */

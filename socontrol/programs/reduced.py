@@ -46,6 +46,15 @@ def _units(goal):
     return tuple(units) if len(units) == count else ("1",) * count
 
 
+def _meaning(name, goal):
+    """What the numbers of a target are."""
+    if hasattr(goal, "rows"):
+        return f"{', '.join('xyz'[i] for i in goal.rows)} of goal {name}, world axes"
+    if len(goal.units()) < len(goal.numbers()):
+        return f"direction of goal {name}, a unit vector in world axes"
+    return f"goal {name} in world axes: positions, then a rotation vector if it asks for one"
+
+
 class Reduced:
     """The rows of a `statics` or `inverse_statics` question, with counts, limits, scales and a start.
 
@@ -102,7 +111,7 @@ class Reduced:
     def given(self):
         """The arguments in the order of p."""
         rows = [
-            Given(f"target.{name}", np.array(goal.numbers(), dtype=float), _units(goal), f"target of goal {name}")
+            Given(f"target.{name}", np.array(goal.numbers(), dtype=float), _units(goal), _meaning(name, goal))
             for name, goal in self.goals.items()
         ]
         if not self.inverse and self.robot.m:
@@ -111,7 +120,10 @@ class Reduced:
         for path in self.paths:
             unit = "N" if path.endswith("force") else "N m"
             value = np.array(self.robot.value(path), dtype=float)
-            rows.append(Given(path, value, (unit,) * 3, f"{path.rpartition('.')[2]} of load {path.split('.')[1]}"))
+            _, name, key = path.split(".")
+            load = self.robot.description.loads[name]
+            what = f"{key} of load {name} on {load.on} at X = {load.at:g}, {load.axes} axes"
+            rows.append(Given(path, value, (unit,) * 3, what))
         return rows
 
     @property

@@ -54,10 +54,10 @@ int PREFIX_solve(PREFIX_solver *s, const PREFIX_given *given, int max_iterations
     sqp_work *w = sqp_slot(s);
     sqp_memory memory;
     sqp_status status;
-    if (!w || !given || max_iterations < 0) return MACRO_BAD_INPUT;
     memcpy(lower, sqp_lower, sizeof lower);
     memcpy(upper, sqp_upper, sizeof upper);
-    if (!sqp_read(given, p, lower, upper)) {
+    if (!w) return MACRO_BAD_INPUT;
+    if (!given || max_iterations < 0 || !sqp_read(given, p, lower, upper)) {
         s->status = MACRO_BAD_INPUT;
         return MACRO_BAD_INPUT;
     }
