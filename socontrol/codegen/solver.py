@@ -34,7 +34,7 @@ CONSTANTS = {  # of templates/solver/sqp.c
     "SQP_SHORT": (0.1, "the same where longer steps led nowhere"),
     "SQP_STEP": (1e-9, "scaled: smaller steps are none"),
     "SQP_BALANCE": (1e-10, "unbalanced force over its scale"),
-    "SQP_STATIONARY": (1e-9, "scaled gradient left"),
+    "SQP_STATIONARY": (1e-8, "scaled gradient left"),
     "SQP_MISS": (1e-10, "of the robot's length, or rad"),
     "SQP_OUT_OF_REACH": (1e-6, "a miss beyond this, where nothing moves any more, is one the limits ask for"),
     "SQP_REACH": (1e-6, "step and scaled gradient that end the search for the nearest posture"),
@@ -43,6 +43,7 @@ CONSTANTS = {  # of templates/solver/sqp.c
 }
 COUNTS = {"SQP_HALVINGS": (14, "of a step"), "SQP_RESTARTS": (3, "of the Hessian where no step helps"),
           "SQP_SPREAD": (2, "starts beside rest before a goal is called out of reach"),
+          "SQP_PATIENCE": (30, "steps of one start, if there are as many"),
           "SQP_STRIDES": (8, "of goals that walk from rest to their place")}
 
 

@@ -1,17 +1,19 @@
 """What an exported solver is tried on: questions whose answers Python's own solvers found."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from socontrol.codegen.ctext import literal, matrix, vector
 from socontrol.codegen.part import Checks
+from socontrol.programs.inverse_statics import InverseSolver
 
 SEED = 20
 COLD = 20  # answers from rest
 WARM = 20  # answers from neighbour to neighbour
 AWAY = 5.0  # robot lengths that a target is moved away by: out of any reach
 EQUAL = 1e-7  # scaled difference from Python's answer
+PRECISE = 1e-11  # Ipopt's tolerance for that answer
 LIMIT = 200  # iterations
 PUSH = 0.3  # of the inputs' limits: strong inputs can have several equilibria
 
@@ -30,6 +32,7 @@ class Trials:
 
     def __init__(self, reduced):
         self.reduced, self.rng = reduced, np.random.default_rng(SEED)
+        self.solver = InverseSolver(_precise(reduced.question)) if reduced.inverse else None
         self.as_given = [g.value for g in reduced.given]
         lower, upper = np.array(reduced.robot.input_limits, dtype=float).reshape(-1, 2).T
         if reduced.inverse:
@@ -93,7 +96,7 @@ class Trials:
         r, named = self.reduced, {g.name: value for g, value in zip(self.reduced.given, values, strict=True)}
         if r.inverse:
             targets = {name: value for name, value in named.items() if name.startswith("target.")}
-            outcome = r.solver.find(targets)[0]
+            outcome = self.solver.find(targets)[0]
             p, u = _stacked(values), outcome.values["u"]
             return Trial(p, u, r.cost(outcome.values["q"], u, p)) if outcome.status.solved else None
         u = named.get("inputs", np.zeros(0))
@@ -101,6 +104,12 @@ class Trials:
         apart = np.max(np.abs(answers[0].q - answers[1].q) / r.scales.q, initial=0.0)
         alone = all(a.status.solved for a in answers) and apart < EQUAL  # else there are several equilibria
         return Trial(_stacked(values), answers[0].q) if alone else None
+
+
+def _precise(question):
+    """The question with a tolerance far below EQUAL."""
+    settings = question.solver
+    return replace(question, solver=replace(settings, tolerance=min(settings.tolerance, PRECISE)))
 
 
 def _stacked(values):

@@ -415,6 +415,13 @@ static void sqp_start(sqp_work *w, const double *from, int spread)
     for (int k = 0; k < SQP_HELD; k++) x[sqp_held[k]] = w->lower[sqp_held[k]];
 }
 
+/* Where the steps of the next start end: half of those left, but SQP_PATIENCE at the least, so that no start takes all. */
+static int sqp_share(const sqp_work *w, int limit)
+{
+    const int left = limit - w->quality.iterations, share = left / 2 > SQP_PATIENCE ? left / 2 : SQP_PATIENCE;
+    return w->quality.iterations + (share < left ? share : left);
+}
+
 /* From the memory (`warm`), from rest, from rest in short steps, from rest with goals that walk, and from spread inputs,
    until one converges; the memory keeps the last point reached. */
 static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
@@ -424,6 +431,7 @@ static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
     w->quality.iterations = 0;
     w->quality.balance = w->quality.miss = w->quality.stationarity = INFINITY;
     for (int cold = !warm; cold < (SQP_U > 0 ? 4 + SQP_SPREAD : 3); cold++) {
+        const int share = sqp_share(w, limit);
         double from[SQP_X];
         w->at = w->points;
         w->next = w->points + 1;
@@ -438,7 +446,7 @@ static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
             memset(w->mu, 0, sizeof w->mu);
         else
             memcpy(w->mu, m->mu, sizeof w->mu);
-        status = cold == 3 ? sqp_walk(w, limit) : sqp_iterate(w, cold > 0, limit);
+        status = cold == 3 ? sqp_walk(w, share) : sqp_iterate(w, cold > 0, share);
         if (SQP_U == 0 && status != SQP_CONVERGED) status = sqp_load_steps(w, from, limit);
         if (status == SQP_INFEASIBLE && w->quality.miss < nearest) {
             nearest = w->quality.miss;
