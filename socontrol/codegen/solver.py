@@ -26,6 +26,7 @@ CONSTANTS = {  # of templates/solver/sqp.c
     "SQP_SINGULAR": (1e-13, "smallest pivot of the scaled tangent"),
     "SQP_SLACK": (1e-6, "of a goal: small enough that goals come first, large enough to keep the digits"),
     "SQP_SMALLEST_SLACK": (1e-10, "where goals that are nearly met close in slowly"),
+    "SQP_SOFT": (1.0, "of the start whose goals harden from step to step: it follows the least cost to them"),
     "SQP_NEAR": (1e-4, "a miss below which a goal is nearly met"),
     "SQP_CENTRE": (1e3, "larger multipliers of a goal far off mean that it is out of reach, and shift no slack"),
     "SQP_FLOOR": (1e-4, "of the reduced Hessian at its start, where costs leave an input free"),
@@ -239,7 +240,7 @@ class SolverPart:
         point = 2 * x + 1 + rows + rows * x
         program = 2 * v * v + 5 * v + 3 + _words(v + 2)
         reduced = q * q + q * (u + 1) + rows + (rows - q) * u + 1 + v * v + v + k * v + 2 * k
-        step = 3 * u + 3 + q + 2 * goals + 1 + u * u + 1 + 2 * q + 4 + max(1, sizes.w) + _words(q + max(1, sizes.iw))
+        step = 3 * u + 3 + q + 2 * goals + 1 + u * u + 1 + 2 * q + 5 + max(1, sizes.w) + _words(q + max(1, sizes.iw))
         pointers, quality, owner = 2 + 3, 4, 1
         return 8 * (2 * point + program + reduced + step + pointers + quality + owner)
 

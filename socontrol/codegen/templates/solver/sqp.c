@@ -30,7 +30,7 @@ typedef struct {
     double LU[SQP_Q * SQP_Q], W[SQP_Q * (SQP_U + 1)], value[SQP_ROWS], slope[(SQP_ROWS - SQP_Q) * SQP_U + 1];
     double G[QP_V * QP_V], a[QP_V], C[QP_ROWS * QP_V], b[QP_ROWS], y[QP_ROWS];
     double du[SQP_U + 1], dq[SQP_Q], gradient[SQP_U + 1], before[SQP_U + 1], mu[SQP_GOALS + 1], B[SQP_U * SQP_U + 1];
-    double offset[SQP_Q + SQP_GOALS], column[SQP_Q], nu, nu_r, slack, longest;
+    double offset[SQP_Q + SQP_GOALS], column[SQP_Q], nu, nu_r, slack, longest, soft;
     double reals[SQP_REALS];
     int pivot[SQP_Q], integers[SQP_INTEGERS];
     const double *p, *lower, *upper;
@@ -305,11 +305,12 @@ static sqp_status sqp_iterate(sqp_work *w, int fresh, int limit)
     int restarts = 0, moved = 0, slow;
     double missed = INFINITY;
     w->nu = w->nu_r = 1;
-    w->slack = SQP_SLACK;
+    w->slack = w->soft;
     w->quality.miss = INFINITY;
     if (!sqp_evaluate(w, w->at)) return SQP_NUMERICAL;
     for (;; w->quality.iterations++) {
         double change;
+        if (w->slack > SQP_SLACK) w->slack = fmax(0.5 * w->slack, SQP_SLACK);
         if (!sqp_reduce(w)) return SQP_NUMERICAL;
         if (fresh)
             sqp_restart(w);
@@ -422,24 +423,25 @@ static int sqp_share(const sqp_work *w, int limit)
     return w->quality.iterations + (share < left ? share : left);
 }
 
-/* From the memory (`warm`), from rest, from rest in short steps, from rest with goals that walk, and from spread inputs,
-   until one converges; the memory keeps the last point reached. */
+/* From the memory (`warm`), from rest, from rest in short steps, with goals that walk, with goals that harden, and from
+   spread inputs, until one converges; the memory keeps the last point reached. */
 static sqp_status sqp_solve(sqp_work *w, sqp_memory *m, int warm, int limit)
 {
     sqp_status status = SQP_NOT_CONVERGED;
     double near[SQP_X], nearest = INFINITY;
     w->quality.iterations = 0;
     w->quality.balance = w->quality.miss = w->quality.stationarity = INFINITY;
-    for (int cold = !warm; cold < (SQP_U > 0 ? 4 + SQP_SPREAD : 3); cold++) {
+    for (int cold = !warm; cold < (SQP_U > 0 ? 5 + SQP_SPREAD : 3); cold++) {
         const int share = sqp_share(w, limit);
         double from[SQP_X];
         w->at = w->points;
         w->next = w->points + 1;
         w->longest = cold == 2 ? SQP_SHORT : SQP_LONGEST;
+        w->soft = cold == 4 ? SQP_SOFT : SQP_SLACK;
         memset(w->offset, 0, sizeof w->offset);
         memset(w->du, 0, sizeof w->du);
         memset(w->y, 0, sizeof w->y);
-        sqp_start(w, cold ? sqp_rest : m->x, cold - 3);
+        sqp_start(w, cold ? sqp_rest : m->x, cold == 4 ? 0 : cold - 4);
         memcpy(from, w->at->x, sizeof from);
         memcpy(w->B, m->B, sizeof w->B);
         if (cold)
