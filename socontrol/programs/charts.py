@@ -33,7 +33,7 @@ class Charts:
     def stuck(self, q):
         """Name of a joint that keeps its chart and is nearly a full turn away, or None."""
         for piece in self._kept:
-            if np.linalg.norm(_turning(piece) @ q[piece.columns]) > 2 * np.pi - NEAR:
+            if np.linalg.norm(turning(piece) @ q[piece.columns]) > 2 * np.pi - NEAR:
                 return piece.segment
         return None
 
@@ -41,7 +41,7 @@ class Charts:
 def is_singular(piece):
     """Whether a joint's coordinates are singular a full turn away: turns and slides that do not commute."""
     cylindrical = piece.size == 2
-    return not piece.is_rod and piece.size > 1 and not cylindrical and bool(np.any(_turning(piece)))
+    return not piece.is_rod and piece.size > 1 and not cylindrical and bool(np.any(turning(piece)))
 
 
 def is_bare(piece):
@@ -50,14 +50,14 @@ def is_bare(piece):
     return piece.record.limits is None and not any(map(np.any, matrices))
 
 
-def _turning(piece):
+def turning(piece):
     return np.array(ca.DM(piece.Phi))[:3]
 
 
 class _Chart:
     def __init__(self, piece):
         self.columns, n = piece.columns, piece.size
-        self._turning = _turning(piece)
+        self._turning = turning(piece)
         q = ca.SX.sym("q", n)
         pose, S = piece.joint_step(q)
         new = ca.DM(np.linalg.pinv(np.array(ca.DM(piece.Phi)))) @ se3.log(pose)

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import se3, so3
+from socontrol.mechanics.kinematics import Kinematics
 from socontrol.quantities import (
     Axis,
     Bad,
@@ -314,6 +315,13 @@ class Path:
             return Point(on=self.on, at=self.at, target=waypoint, weight=self.weight)
         target = PoseTarget(position=waypoint, rotation=self.orientation)
         return Pose(on=self.on, at=self.at, target=target, weight=self.weight)
+
+
+def goal_miss(goal, robot, q):
+    """Miss [rows] of a goal at numeric q, in the units a person would measure."""
+    kin = Kinematics(robot.tree, ca.DM(np.asarray(q, dtype=float)))
+    rows = getattr(goal, "measured", goal.miss)(robot, kin, ca.DM(goal.numbers()))
+    return np.array(ca.DM(rows)).ravel()
 
 
 GOALS = {"point": Point, "pose": Pose, "axis": AxisDirection, "shape": Shape, "path": Path}

@@ -22,7 +22,7 @@ def answered(question, plant, march, seconds):
     arrays["u"] = np.array([plant.inputs(x) for x in t])
     work = np.array(march.work)
     arrays["work"], arrays["impulse"] = work[:, : len(WORKS)], work[:, len(WORKS) :]
-    arrays |= _energies(plant, arrays) | _ends(robot, robot.functions(), arrays)
+    arrays |= _energies(plant, arrays) | ends(robot, robot.functions(), arrays)
     residuals = {"energy": Value(_share(*_unexplained(arrays)), "1")}
     status, values = _told_of_limits(question, march.status, arrays), {}
     if not all(np.all(np.isfinite(a)) for a in arrays.values()):
@@ -61,7 +61,7 @@ def _energies(plant, arrays):
     return {"energy": np.array(rows), "momentum": np.array(momenta)}
 
 
-def _ends(robot, functions, arrays):
+def ends(robot, functions, arrays):
     """Pose of every segment's end: position [k x 3] and rotation vector [k x 3]."""
     q = ca.MX.sym("q", robot.n)
     poses = [functions.pose(segment, 1.0).function(q) for segment in robot.segments]

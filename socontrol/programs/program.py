@@ -12,6 +12,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from socontrol.native.compiled import compiled
+
 INFINITY = float("inf")
 
 
@@ -94,6 +96,7 @@ class Program:
 
     def stack(self, values):
         """Scaled vector of {variable: SI values}; blocks not named take their guess."""
+        values = values or {}
         parts = [
             np.broadcast_to(np.asarray(values.get(n, v.guess), dtype=float).ravel(), v.guess.shape) / v.scale
             for n, v in self.variables.items()
@@ -143,6 +146,16 @@ class Program:
                 "nlp_hess_l", [x, p, sigma, lam], [hess], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
             ),
         }
+
+    @staticmethod
+    def in_c(made):
+        """The Functions of `functions` in machine code."""
+        nlp = made["nlp"]
+        x, p = (ca.MX.sym(name, nlp[name].numel()) for name in "xp")
+        values = {name: ca.Function(f"nlp_{name}", [nlp["x"], nlp["p"]], [nlp[name]]) for name in "fg"}
+        values = {name: compiled(function)(x, p) for name, function in values.items()}
+        others = {name: compiled(made[name]) for name in ("grad_f", "jac_g", "hess_lag")}
+        return {"nlp": {"x": x, "p": p, **values}, **others}
 
     def _jacobian(self, c, x):
         if c.tangent is None:

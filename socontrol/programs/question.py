@@ -70,11 +70,14 @@ class Question:
     expect: dict[str, Any] | None = None
     schema_version: Literal[1] = 1
     solvers = SOLVERS  # those that answer this type
+    hessians = ("exact",)  # of Ipopt
     optimises = False  # whether strain bounds apply: forward statics goes where the loads take it
 
     def __post_init__(self):
         if not isinstance(self.robot, Robot):
             raise Bad("robot", "a path of a robot file or a mapping that describes one is wanted")
+        if (hessian := getattr(self.solver, "hessian", "exact")) not in self.hessians:
+            raise Bad("solver.hessian", f"'{hessian}' is for trajectories; here it is exact, leave this key out")
         self.loaded.check()
         self.input_limits()
         self.coordinate_limits()

@@ -10,9 +10,16 @@ from socontrol.programs.integrators import Cvodes
 from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.simulation import Simulation
 from socontrol.programs.statics import Statics
+from socontrol.programs.trajectory import Trajectory
 from socontrol.quantities import OneOf
 
-QUESTIONS = {"statics": Statics, "inverse_statics": InverseStatics, "simulation": Simulation, "fit": Fit}
+QUESTIONS = {
+    "statics": Statics,
+    "inverse_statics": InverseStatics,
+    "simulation": Simulation,
+    "trajectory": Trajectory,
+    "fit": Fit,
+}
 SOLVERS = {name: solver for question in QUESTIONS.values() for name, solver in question.solvers.items()}
 Solver = Annotated[Any, OneOf(SOLVERS, what="solver")]
 

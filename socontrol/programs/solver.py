@@ -5,13 +5,13 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
-from socontrol.native.compiled import compiled
 from socontrol.programs.result import Status
 from socontrol.quantities import Bad, Count, Flag, Integer, PositiveNumber, Second, record, show
 
@@ -21,6 +21,7 @@ class Ipopt:
     """Settings of the interior-point solver. `options` go to Ipopt by their own names.
 
     starts: further random starts when the plain solve and the continuation fail; seed: of those starts.
+    hessian: of plans, exact or gauss_newton (of squared costs alone: cheaper to evaluate, never indefinite).
     keep_log: the result carries Ipopt's own log (the command line always keeps it).
     """
 
@@ -30,6 +31,7 @@ class Ipopt:
     linear_solver: Literal["mumps", "spral"] = "mumps"
     starts: Integer = 4
     seed: Integer = 1
+    hessian: Literal["exact", "gauss_newton"] = "exact"
     keep_log: Flag = False
     options: dict[str, Any] | None = None
 
@@ -38,11 +40,22 @@ class Ipopt:
             if getattr(self, key) < 0:
                 raise Bad(key, f"{getattr(self, key)} is negative")
         for name, value in (self.options or {}).items():
-            if reason := _refusal(name, value):
+            if reason := refused(name, value):
                 raise Bad(f"options.{name}", reason)
 
-    def plugin_options(self):
-        """Options for ca.nlpsol."""
+    def plugin(self, made, program):
+        """Name and options of CasADi's plugin for a program and its Functions `made`."""
+        return "ipopt", {
+            "ipopt": self._options(),
+            "print_time": False,
+            "calc_lam_p": False,
+            "no_nlp_grad": True,  # for calc_lam_p only, and machine code has no derivatives of its own
+            "grad_f": made["grad_f"],
+            "jac_g": made["jac_g"],
+            "hess_lag": made["hess_lag"],
+        }
+
+    def _options(self):
         own = {
             "tol": self.tolerance,
             "constr_viol_tol": self.tolerance,
@@ -57,12 +70,17 @@ class Ipopt:
             "mumps_scaling": 0,
             "mumps_permuting_scaling": 0,
             "sb": "yes",
-            "print_level": 5,
+            "print_level": 5 if self.keep_log else 0,
         }
         return {**own, **(self.options or {})}
 
+    @staticmethod
+    def said(stats):
+        """(outcome, sentence) of the solver's own statistics."""
+        return SENTENCES.get(stats["return_status"], ("numerical", f"Ipopt: {stats['return_status']}."))
 
-def _refusal(name, value):
+
+def refused(name, value):
     """Why Ipopt would not take an option, or None."""
     if name == "linear_solver":
         return "give `linear_solver` beside `options`, not in it"
@@ -77,6 +95,7 @@ def _refusal(name, value):
 
 
 SOLVERS = {"ipopt": Ipopt}
+TELLING = 0.1  # s between two sentences on a solve under way
 
 SENTENCES = {  # Ipopt's return status: (outcome, sentence)
     "Solve_Succeeded": ("solved", "Solved."),
@@ -139,23 +158,17 @@ class NLP:
     `functions` are the program's own; with `in_c` Ipopt calls them as machine code.
     """
 
-    def __init__(self, program, settings, in_c=False):
+    def __init__(self, program, settings, in_c=False, progress=None):
         began = time.perf_counter()
-        self.program, self.settings, quiet = program, settings, not settings.keep_log
-        self.functions = program.functions()
-        made = _in_c(self.functions) if in_c else self.functions
-        self._nlp, own = made["nlp"], settings.plugin_options()
-        if quiet:
-            own["print_level"] = 0
-        self._plugin = {
-            "ipopt": own,
-            "print_time": False,
-            "calc_lam_p": False,
-            "no_nlp_grad": True,  # for calc_lam_p only, and machine code has no derivatives of its own
-            "grad_f": made["grad_f"],
-            "jac_g": made["jac_g"],
-            "hess_lag": made["hess_lag"],
-        }
+        self.program, self.settings = program, settings
+        self.functions = made = program.functions()
+        if in_c:
+            made = program.in_c(made)
+        self._nlp = made["nlp"]
+        self._name, self._plugin = settings.plugin(made, program)
+        if progress:
+            self._watch = _Iterations(self._nlp, program.limits(), progress)
+            self._plugin["iteration_callback"] = self._watch
         self._solvers = {}
         self._solver(False)
         self.build_seconds = time.perf_counter() - began
@@ -173,7 +186,7 @@ class NLP:
                     "warm_start_slack_bound_push": 1e-9,
                     "warm_start_mult_bound_push": 1e-9,
                 }
-            self._solvers[warm] = ca.nlpsol("solver", "ipopt", self._nlp, plugin)
+            self._solvers[warm] = ca.nlpsol("solver", self._name, self._nlp, plugin)
         return self._solvers[warm]
 
     def solve(self, guess=None, parameters=None, bounds=None, warm=None):
@@ -185,11 +198,13 @@ class NLP:
         if warm is not None:
             arguments |= {"x0": np.clip(warm.x, lbx, ubx), "lam_x0": warm.lam_x, "lam_g0": warm.lam_g}
         else:
-            arguments["x0"] = np.clip(program.stack(guess or {}), lbx, ubx)
+            arguments["x0"] = np.clip(program.stack(guess), lbx, ubx)
         began = time.perf_counter()
         solver = self._solver(warm is not None)
         try:
             with captured(self.settings.keep_log) as log:
+                if hasattr(self, "_watch"):
+                    self._watch.begin(log)
                 answer = solver(**arguments)
         except RuntimeError as error:
             return self._failed(str(error), time.perf_counter() - began)
@@ -197,7 +212,7 @@ class NLP:
 
     def _outcome(self, solver, answer, limits, seconds, log):
         stats = solver.stats()
-        outcome, sentence = SENTENCES.get(stats["return_status"], ("numerical", f"Ipopt: {stats['return_status']}."))
+        outcome, sentence = self.settings.said(stats)
         x, g = (np.array(answer[k]).ravel() for k in ("x", "g"))
         miss = np.maximum(limits[0] - g, g - limits[1])
         violation = float(np.max(miss, initial=0.0)) if np.all(np.isfinite(x)) else float("nan")
@@ -216,14 +231,40 @@ class NLP:
         return Outcome(status, self.program.split(x), x, empty, empty, np.nan, 0, seconds, np.nan, text)
 
 
-def _in_c(made):
-    """The Functions of a program in machine code."""
-    nlp = made["nlp"]
-    x, p = (ca.MX.sym(name, nlp[name].numel()) for name in "xp")
-    values = {name: ca.Function(f"nlp_{name}", [nlp["x"], nlp["p"]], [nlp[name]]) for name in "fg"}
-    values = {name: compiled(function)(x, p) for name, function in values.items()}
-    others = {name: compiled(made[name]) for name in ("grad_f", "jac_g", "hess_lag")}
-    return {"nlp": {"x": x, "p": p, **values}, **others}
+class _Iterations(ca.Callback):
+    """Tells of every iteration of a solve: its number, the largest violation (scaled) and the cost."""
+
+    def __init__(self, nlp, limits, progress):
+        super().__init__()
+        self._sizes = {"x": nlp["x"].numel(), "f": 1, "g": nlp["g"].numel(), "lam_x": nlp["x"].numel(),
+                       "lam_g": nlp["g"].numel(), "lam_p": nlp["p"].numel()}  # fmt: skip
+        self._limits, self._progress = limits, progress
+        self.construct("iterations", {})
+
+    def begin(self, log):
+        """A new solve, whose output goes to `log`."""
+        self._count, self._told, self._log = 0, 0.0, log
+
+    def get_n_in(self):
+        return len(self._sizes)
+
+    def get_n_out(self):
+        return 1
+
+    def get_sparsity_in(self, i):
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
+
+    def eval(self, found):
+        now = time.perf_counter()
+        if now - self._told > TELLING:
+            g, (lower, upper) = np.array(found[2]).ravel(), self._limits
+            violation = float(np.max(np.maximum(lower - g, g - upper), initial=0.0))
+            sentence = f"iteration {self._count}, violation {violation:.1e}, objective {float(found[1]):.5g}"
+            with self._log.outside():
+                self._progress(0, 1, sentence)
+            self._told = now
+        self._count += 1
+        return [0]
 
 
 def _count(stats):
@@ -251,7 +292,23 @@ class captured:
             os.dup2(self._file.fileno(), 1)
             sys.stdout = self._file
             self._errors, sys.stderr = sys.stderr, self._file  # CasADi's warnings belong to the log
-        return lambda: self._text
+        return self
+
+    def __call__(self):
+        return self._text
+
+    @contextmanager
+    def outside(self):
+        """While entered, Python's own stdout and stderr are those of before."""
+        if not self.active:
+            yield
+            return
+        inside = sys.stdout, sys.stderr
+        sys.stdout, sys.stderr = self._own, self._errors
+        try:
+            yield
+        finally:
+            sys.stdout, sys.stderr = inside
 
     def __exit__(self, *error):
         if self.active:

@@ -1,0 +1,168 @@
+"""From a solved plan to a Result: samples, ends, costs by name, what is missed and when, clearances, speeds."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from socontrol.mechanics.kinematics import Kinematics
+from socontrol.native.buffers import Buffered
+from socontrol.programs.goals import goal_miss
+from socontrol.programs.motion_answer import ends
+from socontrol.programs.obstacles import clearances, stations
+from socontrol.programs.planned import Planned
+from socontrol.programs.replay import look
+from socontrol.programs.result import Result, Status, Value
+from socontrol.programs.schemes import scheme
+
+PENETRATION = 1e-3  # of the robot's length between the instants that were held clear: more rejects a plan
+MET = 1e-6  # of a goal's scale
+WORST = 5  # quantities that are named
+PER_SECTION = 8  # stations of a section that are looked at afterwards
+
+
+def answered(question, planner, outcome, attempts, build_seconds):
+    """Result of the best outcome of a search, checked where it is solved."""
+    solver = {"iterations": sum(a.iterations for a in attempts), "build_seconds": build_seconds,
+              "solve_seconds": sum(a.seconds for a in attempts)}  # fmt: skip
+    log = "\n".join(f"--- {a.start}: {a.outcome}, {a.iterations} iterations\n{a.log}" for a in attempts if a.log)
+    mesh = question.mesh
+    form = f"{mesh.scheme} {planner.scheme.size}" if mesh.scheme in ("radau", "lobatto") else mesh.scheme
+    details = {"attempts": attempts, "scheme": form, "intervals": mesh.intervals, "integrator": form}
+    result = Result(name=question.name, type="trajectory", status=outcome.status, question=question, solver=solver,
+                    details=details, log=log)  # fmt: skip
+    if not np.all(np.isfinite(outcome.x)):
+        return result
+    curve = planner.transcription.planned(outcome.values)
+    found = planner.program.evaluated(outcome.x)
+    arrays = sampled(question, curve, question.output_times(curve.duration), planner.functions)
+    arrays |= {"node.t": curve.nodes, "node.q": curve.q, "node.qd": curve.v, "knot.u": curve.u, "point.t": curve.points}
+    for letter, rows in planner.transcription.at_all_points(outcome.values).items():
+        arrays[f"point.{letter}"] = rows
+    arrays |= {f"clearance.{name}": rows for name, rows in cleared(question, arrays["q"]).items()}
+    result = replace(
+        result, arrays=arrays, values=_values(question, planner, curve, found, arrays),
+        residuals=_residuals(question, planner, found, curve),
+        details={**details, "stop": curve.duration, "worst": worst(planner, found, curve)},
+    )  # fmt: skip
+    return _checked(question, curve, planner, result) if result.status.solved else result
+
+
+def sampled(question, curve, times, functions=None):
+    """Arrays of a plan at any times: t, q, qd, qdd, u, ud, lengths of lines, ends of segments."""
+    functions = functions or question.loaded.functions(compiled=False)
+    q, v, a, u, ud = curve.at(times)
+    lengths = Buffered(functions.actuator_lengths.function)
+    arrays = {"t": np.asarray(times), "q": q, "qd": v, "qdd": a, "u": u, "ud": ud}
+    arrays["lengths"] = np.array([lengths(row)[0][0].copy() for row in q])
+    return arrays | ends(question.loaded, functions, arrays)
+
+
+def curve_of(result):
+    """Planned motion of a stored plan, to be sampled at any times."""
+    question, arrays = result.question, result.arrays
+    form = scheme(question.mesh.scheme, question.mesh.points)
+    a = arrays["point.qdd"].reshape(len(arrays["node.t"]) - 1, form.size, -1)
+    return Planned(form, float(arrays["node.t"][-1]), question.shares, arrays["node.q"], arrays["node.qd"], a,
+                   arrays["knot.u"], form.knots(question.mesh.inputs, question.continuous))  # fmt: skip
+
+
+def resampled(result, times):
+    """`sampled` of a stored plan at other times."""
+    return sampled(result.question, curve_of(result), times)
+
+
+def cleared(question, q):
+    """{obstacle: least distance [K, m] of the robot's surface} at rows of q, its clearance counted in."""
+    robot, found = question.loaded, {}
+    looked = [station for station in stations(robot, PER_SECTION) if not station.held]
+    for name, obstacle in (question.obstacles or {}).items():
+        x = ca.SX.sym("q", robot.n)
+        rows = ca.mmin(clearances(robot, Kinematics(robot.tree, x), obstacle, looked))
+        run = Buffered(ca.Function("clearance", [x], [rows]))
+        found[name] = np.array([float(run(row)[0][0][0]) for row in q])
+    return found
+
+
+def _values(question, planner, curve, found, arrays):
+    robot, values = question.loaded, {"duration": Value(curve.duration, "s")}
+    costs = {part.name: cost for part, cost, _ in found if part.name.startswith(("costs.", "end.goals", "waypoints."))}
+    values["cost"] = Value(float(sum(costs.values())), "1")
+    named = {name.removeprefix("costs."): cost for name, cost in costs.items() if name.startswith("costs.")}
+    values |= {f"cost.{name}": Value(cost, "1") for name, cost in named.items()}
+    for segment in robot.segments:
+        values[f"{segment}.position"] = Value(arrays[f"{segment}.position"][-1].tolist(), "m")
+        values[f"{segment}.rotation"] = Value(arrays[f"{segment}.rotation"][-1].tolist(), "rad")
+    for piece in robot.tree.pieces:
+        if not piece.is_rod:
+            for i in range(piece.columns.start, piece.columns.stop):
+                last = Value(float(arrays["q"][-1, i]), robot.coordinate_units[i])
+                values[f"coordinates.{robot.coordinates[i]}"] = last
+    for i, name in enumerate(robot.inputs):
+        largest = arrays["u"][np.argmax(np.abs(arrays["u"][:, i])), i]
+        values[f"inputs.{name}.largest"] = Value(float(largest), robot.input_units[i])
+    for name in question.obstacles or {}:
+        values[f"clearance.{name}"] = Value(float(np.min(arrays[f"clearance.{name}"])), "m")
+    for name, speed in (question.limits.speeds or {}).items():
+        values[f"speed.{name}"] = Value(_fastest(planner.functions, speed, arrays), "m/s")
+    values["mesh.intervals"] = Value(len(curve.shares), "1")
+    return values
+
+
+def _fastest(functions, speed, arrays):
+    J = Buffered(functions.jacobian(speed.on, speed.at).function)
+    return float(max(np.linalg.norm(J(q)[0][0].reshape(-1, 6)[:, 3:].T @ v)
+                     for q, v in zip(arrays["q"], arrays["qd"], strict=True)))  # fmt: skip
+
+
+def _residuals(question, planner, found, curve):
+    """Largest scaled misses of the equation of motion, of the defects and of limits; goals in SI."""
+    rows = {"equation": 0.0, "defects": 0.0, "limits": 0.0}
+    for part, _, g in found:
+        if not part.size:
+            continue
+        miss = float(np.max(np.maximum(part.lower - g, g - part.upper), initial=0.0))
+        kind = {"equation of motion": "equation", "defects": "defects", "links": "defects", "between": "defects"}
+        key = kind.get(part.name, "limits")
+        rows[key] = max(rows[key], miss)
+    residuals = {name: Value(miss, "1") for name, miss in rows.items()}
+    for path, k, moment in question.moments:
+        for name, goal in (moment.goals or {}).items():
+            key = f"goals.{name}" if path == "end" else f"goals.{path.split('.')[1]}.{name}"
+            miss = goal_miss(goal, question.loaded, curve.q[k])
+            units = np.array(goal.units())
+            for unit in dict.fromkeys(units):
+                own = key if unit == units[0] else f"{key}.{unit}"
+                residuals[own] = Value(float(np.linalg.norm(miss[units == unit])), str(unit))
+    return residuals
+
+
+def worst(planner, found, curve):
+    """What is missed most, at most one row a quantity: quantity, node, time, excess in its unit."""
+    rows = []
+    for part, _, g in found:
+        if not part.size:
+            continue
+        miss = np.maximum(part.lower - g, g - part.upper)
+        i, k = np.unravel_index(int(np.argmax(miss)), miss.shape)
+        if miss[i, k] > MET:
+            node = int(part.when[i])
+            rows.append((miss[i, k], {"quantity": part.name, "node": node, "time": float(curve.nodes[node]),
+                                      "excess": float(miss[i, k] * part.scale[k]), "unit": part.units[k]}))  # fmt: skip
+    return [row for _, row in sorted(rows, key=lambda pair: -pair[0])[:WORST]]
+
+
+def _checked(question, curve, planner, result):
+    """The result after an independent look: it is rejected where the replay or an obstacle says so."""
+    arrays, values, note = look(question, curve, planner, result.arrays)
+    result = replace(result, arrays={**result.arrays, **arrays}, values={**result.values, **values})
+    for name in question.obstacles or {}:
+        gap = result.values[f"clearance.{name}"].value
+        if gap < -PENETRATION * question.loaded.length:
+            sentence = f"Between the points the robot sinks {-gap * 1e3:.2g} mm into '{name}'; take more intervals."
+            note = note or Status("rejected", sentence)
+    misses = [n for n, goal in (question.end.goals or {}).items() if goal.weight is not None]
+    if note is None and misses:
+        told = ", ".join(f"{n} missed by {result.residuals[f'goals.{n}'].value:.3g}" for n in misses)
+        return replace(result, status=Status("solved", f"Solved; weighted goal {told}."))
+    return result if note is None else replace(result, status=note)

@@ -1,0 +1,296 @@
+"""A trajectory question as a program: transcription, limits, moments, obstacles and costs.
+
+Every limit has a name. Where `loose` is set, a limit that a user could change has an unknown of its own by which it
+gives way, and the sum of all of them, each over its size, is what is made small: it tells what to loosen.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from socontrol.mechanics.kinematics import Kinematics
+from socontrol.programs.charts import is_singular, turning
+from socontrol.programs.fatrop import Fatrop
+from socontrol.programs.goals import locate
+from socontrol.programs.obstacles import clearances, stations
+from socontrol.programs.scaling import scales
+from socontrol.programs.schemes import scheme
+from socontrol.programs.transcription import Span, System, Transcription
+
+CHART = 0.9 * 2 * np.pi  # |turn| of a joint whose coordinates are singular a full turn away
+# What giving way by a limit's own size costs: what stands around can be moved, what is asked for is the last to go.
+CHEAP, PLAIN, DEAR = 0.5, 1.0, 100.0
+STRETCH = 20.0  # durations at most, where the duration may give way
+TEMPO = 6.0  # a swing there and back in the whole duration has an angular rate of about this over the duration
+PER_SECTION = 2  # stations of a section that are held clear of obstacles
+
+
+@dataclass(frozen=True)
+class Loose:
+    """A limit that gives way: its name, unit, the place of the unknown in x, what counts as one, what that costs."""
+
+    name: str
+    unit: str
+    place: int
+    size: float
+    cost: float = PLAIN
+
+
+class Planner:
+    """Expressions and program of one question. start: (q, v, u) at t = 0, u None where it may be any."""
+
+    def __init__(self, question, start, *, loose=False):
+        self.question, self.robot, self.start = question, question.loaded, start
+        self.scales, self.loose, self._gives = scales(self.robot), [], loose
+        self.functions = self.robot.functions(compiled=False)
+        self.scheme = scheme(question.mesh.scheme, question.mesh.points)
+        staged = isinstance(question.solver, Fatrop)
+        hessian = getattr(question.solver, "hessian", "exact")
+        span = question.span
+        if loose:
+            span = Span(span.guess, span.shortest, STRETCH * span.longest)
+        self.transcription = Transcription(
+            self._system(), self.scheme, question.shares, span, inputs=question.mesh.inputs,
+            continuous=question.continuous, staged=staged,
+            hessian=hessian, tempo=span.guess / TEMPO if question.scaled else 1.0, halfway=bool(question.obstacles),
+        )  # fmt: skip
+        if loose:
+            self._stretched()
+        self._hold_given()
+        self._limits()
+        self._moments()
+        self._charts()
+        self._obstacles()
+        self._costs()
+
+    @property
+    def program(self):
+        return self.transcription.program
+
+    def kinematics(self, q):
+        return Kinematics(self.robot.tree, q)
+
+    def _system(self):
+        n, m, question = self.robot.n, self.robot.m, self.question
+        missing, free = self.functions.motion_residual.function, np.flatnonzero(question.free)
+        still = question.quasi_static
+
+        def residual(q, v, a, u):
+            zero = ca.DM.zeros(n)
+            return missing(q, zero, zero, u)[free.tolist()] if still else missing(q, v, a, u)[free.tolist()]
+
+        s = self.scales
+        if not question.scaled:
+            return System(residual, np.ones(n), np.ones(m), np.ones(free.size))
+        return System(residual, s.q, s.u, s.force[free])
+
+    def _hold_given(self):
+        """Coordinates and inputs that are given for the whole time."""
+        t, question = self.transcription, self.question
+        for i, value in question.named("coordinates", question.coordinates).items():
+            for letter, number in (("q", value), ("v", 0.0), ("a", 0.0)):
+                t.hold(letter, t.places(letter)[:, i], number, number)
+        for i, value in question.named("inputs", question.inputs).items():
+            t.hold("u", t.places("u")[:, i], value, value)
+
+    def _limits(self):
+        question, robot = self.question, self.robot
+        rates = question.limits.ranges("rates", robot.coordinates, [f"{u}/s" for u in robot.coordinate_units])
+        rows = [("coordinates", "q", robot.coordinates, robot.coordinate_units, question.coordinate_limits()),
+                ("inputs", "u", robot.inputs, robot.input_units, question.input_limits())]  # fmt: skip
+        for key, letter, names, units, (lower, upper) in rows:
+            for i in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)):
+                fixed = self._gives and key == "coordinates" and self.robot.joint_limits[i] == (-np.inf, np.inf)
+                self._range(f"{key}.{names[i]}", units[i], letter, i, lower[i], upper[i], fixed)
+        for i, (low, high) in rates.items():
+            self._range(f"limits.rates.{robot.coordinates[i]}", f"{robot.coordinate_units[i]}/s", "v", i, low, high)
+        self._input_rates()
+        self._lengths()
+        self._speeds()
+
+    def _range(self, name, unit, letter, i, low, high, fixed=False):
+        """low <= component i of a letter <= high, at all nodes and points."""
+        places, size = self.transcription.places(letter)[:, i], _size(low, high)
+        if not self._gives or fixed:
+            self.transcription.hold(letter, places, low, high)
+        else:
+            for side, limit, sign in (("lower", low, 1), ("upper", high, -1)):
+                if np.isfinite(limit):
+                    slack = self._slack(f"{name} ({side} limit)", unit, size)
+                    lower, upper = (limit, np.inf) if sign > 0 else (-np.inf, limit)
+                    blocks = {"x": places[:, None], "s": np.full((places.size, 1), slack)}
+                    self.program.add(
+                        f"{name}.{side}",
+                        blocks,
+                        lambda x, s, sign=sign: {"rows": x + sign * s, "scale": size},
+                        lower=lower,
+                        upper=upper,
+                    )
+
+    def _slack(self, name, unit, size, cost=PLAIN):
+        """Place of an unknown >= 0 by which a limit gives way, at a `cost` for its `size`."""
+        place = int(self.program.block(1, scale=size, lower=0.0, guess=0.01 * size)[0])
+        self.program.add(f"loose.{name}", {"s": np.array([[place]])}, lambda s: {"cost": cost * s / size})
+        self.loose.append(Loose(name, unit, place, size, cost))
+        return place
+
+    def _stretched(self):
+        """The longest duration gives way."""
+        longest, places = self.question.span.longest, {"T": self.transcription.node["T"][-1:]}
+        self._rows("duration", "s", places, lambda T: T, -np.inf, longest, longest, [self.transcription.N])
+
+    def _input_rates(self):
+        question, robot, t = self.question, self.robot, self.transcription
+        units = [f"{u}/s" for u in robot.input_units]
+        for i, (low, high) in question.limits.ranges("input_rates", robot.inputs, units).items():
+            blocks, numbers, when, rate = t.rates_of_inputs()
+            name, one = f"limits.input_rates.{robot.inputs[i]}", lambda *x, i=i, rate=rate: rate(*x)[i]
+            self._rows(name, units[i], blocks, one, low, high, _size(low, high), when, numbers=numbers)
+
+    def _lengths(self):
+        robot = self.robot
+        found = self.question.limits.ranges("lengths", robot.inputs, ["m"] * robot.m)
+        if not found:
+            return
+        lengths, indices = self.functions.actuator_lengths.function, list(found)
+        places, when = self._instants()
+        for i in indices:
+            low, high = found[i]
+            self._rows(f"limits.lengths.{robot.inputs[i]}", "m", {"q": places}, lambda q, i=i: lengths(q)[i],
+                       low, high, robot.length, when)  # fmt: skip
+
+    def _instants(self):
+        """Places [K x n] of q at all nodes and points, each once, and the intervals they belong to."""
+        t = self.transcription
+        points = t.point["q"].reshape(-1, t.system.n)
+        when = np.repeat(np.arange(t.N), self.scheme.size)
+        places = np.vstack([t.node["q"], points])
+        when = np.concatenate([np.arange(t.N + 1), when])
+        _, first = np.unique(places[:, 0], return_index=True)
+        return places[first], when[first]
+
+    def _speeds(self):
+        t = self.transcription
+        for name, speed in (self.question.limits.speeds or {}).items():
+            frame = locate(self.robot, speed)
+
+            def squared(q, v, frame=frame, largest=speed.largest):
+                moves = self.kinematics(q).jacobian(frame)[3:, :] @ v
+                return ca.sumsqr(moves) / largest**2
+
+            first = 1 if self.scheme.shared else 0
+            blocks = {x: np.vstack([t.point[x][:, first:].reshape(-1, t.system.n)]) for x in "qv"}
+            when = np.repeat(np.arange(t.N), self.scheme.size - first)
+            self._rows(f"limits.speeds.{name}", "1", blocks, squared, -np.inf, 1.0, 1.0, when)
+
+    def _rows(self, name, unit, blocks, expression, low, high, size, when, cost=PLAIN, numbers=None):
+        """low <= expression <= high at many places; gives way where limits do. `numbers` go to it as last argument."""
+        if not self._gives:
+            self.program.add(name, blocks, lambda *x: {"rows": expression(*x), "scale": size, "units": unit},
+                             lower=low, upper=high, when=when, numbers=numbers)  # fmt: skip
+            return
+        slack, count = self._slack(name, unit, size, cost), len(next(iter(blocks.values())))
+        blocks = {"slack": np.full((count, 1), slack), **blocks}
+        sides = [(low, np.inf, 1)] * bool(np.isfinite(low)) + [(-np.inf, high, -1)] * bool(np.isfinite(high))
+        for lower, upper, sign in sides:
+            self.program.add(name, blocks, lambda s, *x, sign=sign: {"rows": expression(*x) + sign * s, "scale": size},
+                             lower=lower, upper=upper, when=when, numbers=numbers)  # fmt: skip
+
+    def _moments(self):
+        q, v, u = self.start
+        t = self.transcription
+        t.hold("q", t.node["q"][0], q, q)
+        if not self.question.quasi_static:
+            t.hold("v", t.node["v"][0], v, v)
+        if u is not None and "u" in t.node and self.question.continuous:
+            t.hold("u", t.node["u"][0], u, u)
+        for name, k, moment in self.question.moments:
+            self._passed(name, k, moment)
+
+    def _passed(self, path, k, moment):
+        """What the state at node k has to meet."""
+        t, question, robot = self.transcription, self.question, self.robot
+        for i, value in question.named("coordinates", moment.coordinates, f"{path}.coordinates").items():
+            name = f"{path}.coordinates.{robot.coordinates[i]}"
+            self._met(name, robot.coordinate_units[i], "q", t.node["q"][k, i], value, self.scales.q[i], k)
+        rates = question.rates(moment.rates, f"{path}.rates")
+        for i in range(robot.n):
+            if (moment.velocity == "rest" or i in rates) and not question.quasi_static:
+                value = rates.get(i, 0.0)
+                t.hold("v", t.node["v"][k, i], value, value)
+        point = (k - 1, -1) if k > 0 else (0, 0)
+        if moment.settled and not question.quasi_static:
+            t.hold("a", t.point["a"][point], 0.0, 0.0)
+        for i, value in question.named("inputs", moment.inputs, f"{path}.inputs").items():
+            t.hold("u", t.point["u"][(*point, i)], value, value)
+        for name, goal in (moment.goals or {}).items():
+            self._goal(f"{path}.goals.{name}", goal, t.node["q"][k : k + 1], k)
+
+    def _met(self, name, unit, letter, place, value, size, k):
+        if not self._gives:
+            self.transcription.hold(letter, place, value, value)
+            return
+        blocks = {"x": np.array([[place]])}
+        self._rows(name, unit, blocks, lambda x: x, value, value, size, [k], DEAR)
+
+    def _goal(self, name, goal, places, k):
+        robot, size = self.robot, np.array(goal.scales(self.robot.length))
+        target, when = ca.DM(goal.numbers()), [k]
+
+        def miss(q):
+            return goal.miss(robot, self.kinematics(q), target)
+
+        if goal.weight is not None:
+            weight = np.sqrt(goal.weight)
+            rows = lambda q: {"squares": weight * miss(q) / ca.DM(size)}  # noqa: E731
+            self.program.add(name, {"q": places}, rows)
+            return
+        if self._gives:
+            unit = goal.units()[0]
+            for i in range(size.size):
+                self._rows(name, unit, {"q": places}, lambda q, i=i: miss(q)[i], 0.0, 0.0, float(size[i]), when, DEAR)
+        else:
+            rows = lambda q: {"rows": miss(q), "scale": size, "units": goal.units()}  # noqa: E731
+            self.program.add(name, {"q": places}, rows, when=when)
+        if hasattr(goal, "guard"):
+            guard = lambda q: {"rows": goal.guard(robot, self.kinematics(q), target)}  # noqa: E731
+            self.program.add(f"{name}.side", {"q": places}, guard, upper=np.inf, when=when)
+
+    def _charts(self):
+        """Joints in exponential coordinates stay well inside the turn where these are singular."""
+        places, when = self._instants()
+        for piece in self.robot.tree.pieces:
+            if is_singular(piece):
+                phi = ca.DM(turning(piece))
+                own = places[:, piece.columns]
+                rows = lambda q, phi=phi: {"rows": ca.sumsqr(phi @ q) / CHART**2}  # noqa: E731
+                self.program.add(f"chart of {piece.segment}", {"q": own}, rows, lower=-np.inf, upper=1.0, when=when)
+
+    def _obstacles(self):
+        obstacles = self.question.obstacles or {}
+        if not obstacles:
+            return
+        looked = [station for station in stations(self.robot, PER_SECTION) if not station.held]
+        t = self.transcription
+        places, when = self._instants()
+        between = t.halfway.reshape(-1, t.system.n)
+        whens = np.repeat(np.arange(t.N), t.halfway.shape[1])
+        places, when = np.vstack([places[1:], between]), np.concatenate([when[1:], whens])
+        for name, obstacle in obstacles.items():
+            def clear(q, obstacle=obstacle):
+                return clearances(self.robot, self.kinematics(q), obstacle, looked)
+
+            self._rows(f"obstacles.{name}", "m", {"q": places}, clear, 0.0, np.inf, self.robot.length, when, CHEAP)
+
+    def _costs(self):
+        if self._gives:
+            return
+        for name, cost in self.question.all_costs.items():
+            cost.add(f"costs.{name}", self)
+
+
+def _size(low, high):
+    both = [abs(x) for x in (low, high) if np.isfinite(x) and x]
+    return max(both, default=1.0)
+

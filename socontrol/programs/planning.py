@@ -1,0 +1,82 @@
+"""From a trajectory question to its answer: guess, solve, ask what to loosen where it is infeasible, check."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from socontrol.programs.inverse_statics import Attempt
+from socontrol.programs.loosen import loosened
+from socontrol.programs.plan_answer import answered
+from socontrol.programs.plan_guess import FINE, Course, Guesses, settled
+from socontrol.programs.planner import Planner
+from socontrol.programs.result import Result, Status
+from socontrol.programs.solver import NLP
+
+
+def plan(question, progress=None):
+    """Result of a trajectory question."""
+    start, status = settled(question)
+    if status is not None:
+        return Result(name=question.name, type="trajectory", status=status, question=question)
+    return _Search(question, start, progress).result()
+
+
+class _Search:
+    """One program, tried from several courses. attempts: every call of the solver; best: the best outcome."""
+
+    def __init__(self, question, start, progress):
+        self.question, self.start, self.progress = question, start, progress
+        self.planner = Planner(question, start)
+        self.nlp = NLP(self.planner.program, question.solver, question.loaded.compiled, progress)
+        self.attempts, self.best, self.details = [], None, {}
+
+    def result(self):
+        self._searched()
+        if self.best.status.outcome in ("infeasible", "numerical") and np.all(np.isfinite(self.best.x)):
+            self._loosen()
+        result = answered(self.question, self.planner, self.best, self.attempts, self.nlp.build_seconds)
+        return replace(result, details={**result.details, **self.details})
+
+    def _searched(self):
+        """As many guesses as asked for, and the straight one where the first fails."""
+        question = self.question
+        guesses = Guesses(question, self.start)
+        first, given = guesses.first(), question.guess.times is not None
+        self._tried("given motion" if given else "equilibria", first)
+        if not self.best.status.solved and not given and self._goes_on:
+            straight = guesses.straight()
+            if not np.allclose(straight.q, first.q):
+                self._tried("straight", straight)
+        for k in range(1, question.guess.starts):
+            if self._goes_on:
+                self._tried(f"start {k + 1}", guesses.further(first, k))
+
+    @property
+    def _goes_on(self):
+        return self.attempts[-1].outcome != "interrupted"
+
+    def _tried(self, label, course):
+        outcome = self.nlp.solve(course.fill(self.planner.transcription))
+        self.attempts.append(Attempt.of(label, outcome))
+        best = self.best
+        if best is None or (outcome.status.solved, -outcome.cost) > (best.status.solved, -best.cost):
+            self.best = outcome
+
+    def _loosen(self):
+        """Name what to loosen; where nothing has to give way, go on from the motion that shows it."""
+        curve = self.planner.transcription.planned(self.best.values)
+        rows, found, outcome = loosened(self.question, self.start, curve, self.progress)
+        self.attempts.append(Attempt.of("loosened", outcome))
+        if rows is None:
+            return
+        if not rows:
+            shares = np.linspace(0.0, 1.0, FINE + 1)
+            q, _, _, u, _ = found.at(shares * found.duration)
+            self._tried("from the loosened", Course(shares, q, u, self.question.span.guess))
+            return
+        first = rows[0]
+        name, by = first["quantity"], f"{first['by']:.3g} {first['unit']}".removesuffix(" 1")
+        way = "grow" if name == "duration" else "give way"
+        sentence = f"No motion was found within the limits; {name} would have to {way} by {by}."
+        self.details["loosen"] = rows
+        self.best = replace(self.best, status=Status("infeasible", sentence))

@@ -1,0 +1,260 @@
+"""Problem type `trajectory`: which motion and inputs do this, within the limits, at the least cost?"""
+
+import time
+from dataclasses import replace
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from socontrol.programs.fatrop import Fatrop
+from socontrol.programs.goals import locate
+from socontrol.programs.integrators import Duration
+from socontrol.programs.moments import End, Start, Waypoint
+from socontrol.programs.motion_limits import MotionLimits
+from socontrol.programs.obstacles import Obstacle
+from socontrol.programs.plan_costs import Effort, InputRate, PlanCost, Time
+from socontrol.programs.plan_guess import PlanGuess
+from socontrol.programs.planning import plan
+from socontrol.programs.question import Question, read
+from socontrol.programs.schemes import LEAST, MOST_POINTS
+from socontrol.programs.solver import Ipopt
+from socontrol.programs.transcription import Span
+from socontrol.quantities import Bad, Count, Either, Flag, PositiveNumber, nearest, record
+
+MOST_INTERVALS = 5000
+MOST_SAMPLES = 100_000
+RATE = 0.1  # weight of the rates of inputs beside their effort where no cost is asked for
+
+
+@record(kw_only=True)
+class Mesh:
+    """`intervals` of the whole motion, in each the `points` of a collocation scheme: radau (order 2 points - 1),
+    lobatto (2 points - 2), trapezoidal (2), hermite_simpson (4). inputs: linear or constant in an interval, or the
+    polynomial through the points, which is richer and may leave its limits between them."""
+
+    intervals: Count = 20
+    scheme: Literal["radau", "lobatto", "trapezoidal", "hermite_simpson"] = "radau"
+    points: Count = 3
+    inputs: Literal["linear", "constant", "points"] = "linear"
+
+    def __post_init__(self):
+        if self.intervals > MOST_INTERVALS:
+            raise Bad("intervals", f"{self.intervals} intervals; at most {MOST_INTERVALS}")
+        if self.inputs == "constant" and self.scheme != "radau":
+            raise Bad("inputs", f"'{self.scheme}' has points that belong to two intervals; use 'radau', or linear")
+        least = LEAST.get(self.scheme, 1)
+        if not least <= self.points <= MOST_POINTS:
+            raise Bad("points", f"{self.points} points; '{self.scheme}' has {least} to {MOST_POINTS}")
+
+
+@record(kw_only=True)
+class FreeDuration:
+    """A duration to be found between `shortest` and `longest`."""
+
+    shortest: Duration
+    longest: Duration
+    guess: Duration | None = None
+
+    def __post_init__(self):
+        if not self.shortest < self.longest:
+            raise Bad("longest", f"{self.longest:g} s is not after shortest: {self.shortest:g} s")
+        if self.guess is not None and not self.shortest <= self.guess <= self.longest:
+            raise Bad("guess", f"{self.guess:g} s is outside [{self.shortest:g}, {self.longest:g}] s")
+
+
+@record(kw_only=True)
+class Outputs:
+    """What is stored of a plan: samples `every` so often (default: 200 of the whole)."""
+
+    every: Duration
+
+
+@record(kw_only=True)
+class Replay:
+    """The plan is simulated again under its own inputs by another integrator; `tolerance`: of the tip's way off, over
+    the robot's length; beyond it the plan is rejected."""
+
+    tolerance: PositiveNumber = 1e-3
+    active: Flag = True
+
+
+@record(kw_only=True)
+class Trajectory(Question):
+    """Which motion and inputs do this, within the limits, at the least cost?
+
+    quasi_static: an equilibrium at every instant, for motions so slow that masses do not matter.
+    scaled: unknowns and equations are scaled by the robot's own magnitudes.
+    """
+
+    duration: Annotated[Any, Either(Duration, FreeDuration)]
+    mesh: Mesh = Mesh()
+    start: Start = Start()
+    end: End = End()
+    waypoints: dict[str, Waypoint] | None = None
+    obstacles: dict[str, Obstacle] | None = None
+    limits: MotionLimits = MotionLimits()
+    costs: dict[str, PlanCost] | None = None
+    guess: PlanGuess = PlanGuess()
+    outputs: Outputs | None = None
+    replay: Replay = Replay()
+    quasi_static: Flag = False
+    scaled: Flag = True
+    solver: Any = Ipopt(tolerance=1e-8, max_iterations=500)
+    discretisation: Flag = False
+    solvers = {"ipopt": Ipopt, "fatrop": Fatrop}
+    optimises = True
+    hessians = ("exact", "gauss_newton")
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not self.robot.m:
+            raise Bad("robot", "the robot has no actuators, so nothing can be planned; add `actuators:` to its file")
+        if self.continuous and self.mesh.inputs == "constant":
+            raise Bad("mesh.inputs", "inputs that are constant in an interval have no rates; use linear")
+        self.moments  # noqa: B018  refuses what cannot be
+        self._refuse_unknown()
+        self._refuse_outside()
+
+    def read_given(self):
+        self.named("coordinates", self.coordinates)
+        self.named("inputs", self.inputs)
+        self.named("coordinates", self.start.coordinates, "start.coordinates")
+        self.named("inputs", self.start.inputs, "start.inputs")
+        self.rates(self.start.rates, "start.rates")
+        self.guess.check(self.robot)
+
+    def first_coordinates(self):
+        """q [n] at t = 0 as the file gives it."""
+        q = self.vector("coordinates", self.start.coordinates, "start.coordinates")
+        for i, value in self.named("coordinates", self.coordinates).items():
+            q[i] = value
+        return q
+
+    def rates(self, values, path):
+        """{index: SI value} of rates by name of a coordinate."""
+        found, names = {}, self.robot.coordinates
+        for name, raw in (values or {}).items():
+            if name not in names:
+                raise Bad(f"{path}.{name}", f"the robot has no coordinate '{name}'{nearest(name, names)}")
+            i = names.index(name)
+            found[i] = read(raw, f"{self.robot.coordinate_units[i]}/s", f"{path}.{name}")
+        return found
+
+    @cached_property
+    def span(self):
+        if not isinstance(self.duration, FreeDuration):
+            return Span.fixed(self.duration)
+        given = self.duration
+        return Span(given.guess or np.sqrt(given.shortest * given.longest), given.shortest, given.longest)
+
+    @cached_property
+    def _passages(self):
+        """(share of the duration, name) of the waypoints, in order of time."""
+        rows = []
+        for name, waypoint in (self.waypoints or {}).items():
+            if waypoint.time is not None and self.span.free:
+                raise Bad(f"waypoints.{name}.time", "the duration is free; give `share`, a part of it")
+            share = waypoint.share if waypoint.share is not None else waypoint.time / self.span.guess
+            if not share < 1 - 1e-9:
+                raise Bad(f"waypoints.{name}.time" if waypoint.time else f"waypoints.{name}.share",
+                          "it is not before the end; what holds there stands under `end`")  # fmt: skip
+            rows.append((share, name))
+        rows.sort()
+        for (a, _), (b, name) in zip(rows, rows[1:], strict=False):
+            if b - a < 1e-9:
+                raise Bad(f"waypoints.{name}", "two waypoints at one time; join them")
+        if len(rows) >= self.mesh.intervals:
+            raise Bad("mesh.intervals", f"{self.mesh.intervals} intervals; {len(rows)} waypoints want more")
+        return rows
+
+    @cached_property
+    def _legs(self):
+        """Intervals of each leg between waypoints: as alike in length as their number allows."""
+        ends = np.array([0.0, *(share for share, _ in self._passages), 1.0])
+        lengths, counts = np.diff(ends), np.ones(ends.size - 1, dtype=int)
+        while counts.sum() < self.mesh.intervals:
+            counts[np.argmax(lengths / counts)] += 1
+        return lengths, counts
+
+    @cached_property
+    def shares(self):
+        """Parts [N] of the duration: the intervals, with a node at every waypoint."""
+        return np.concatenate([np.full(count, length / count) for length, count in zip(*self._legs, strict=True)])
+
+    @cached_property
+    def moments(self):
+        """(path, node, record) of the waypoints and the end."""
+        nodes = np.cumsum(self._legs[1])
+        rows = [(f"waypoints.{name}", int(k), self.waypoints[name])
+                for (_, name), k in zip(self._passages, nodes[:-1], strict=True)]  # fmt: skip
+        return [*rows, ("end", int(nodes[-1]), self.end)]
+
+    @property
+    def all_costs(self):
+        """By name; where none is asked for, effort and rates of inputs: effort alone lets robots swing at the end."""
+        return self.costs or {"effort": Effort(), "rate": InputRate(weight=RATE)}
+
+    @property
+    def continuous(self):
+        """Whether inputs have rates, so that they may not jump."""
+        return bool(self.limits.input_rates) or any(cost.continuous for cost in self.all_costs.values())
+
+    @cached_property
+    def free(self):
+        """Mask [n] of coordinates that are not given for the whole time."""
+        mask = np.ones(self.robot.n, dtype=bool)
+        mask[list(self.named("coordinates", self.coordinates))] = False
+        return mask
+
+    def output_times(self, duration):
+        """Times [K] of what is stored."""
+        count = 200 if self.outputs is None else int(np.ceil(duration / self.outputs.every * (1 - 1e-9)))
+        return np.linspace(0.0, duration, min(max(count, 1), MOST_SAMPLES) + 1)
+
+    def _refuse_unknown(self):
+        """Raise Bad for names and places the robot does not have."""
+        robot = self.robot
+        for path, _, moment in self.moments:
+            for key in ("coordinates", "inputs"):
+                self.named(key, getattr(moment, key), f"{path}.{key}")
+            self.rates(moment.rates, f"{path}.rates")
+            for name, goal in (moment.goals or {}).items():
+                _located(robot, goal, f"{path}.goals.{name}")
+        for name, speed in (self.limits.speeds or {}).items():
+            _located(robot, speed, f"limits.speeds.{name}")
+        for name, cost in self.all_costs.items():
+            if hasattr(cost, "on"):
+                _located(robot, cost, f"costs.{name}")
+            if isinstance(cost, Time) and not self.span.free:
+                raise Bad(f"costs.{name}", "the duration is given; free it: `duration: {shortest: ..., longest: ...}`")
+        for key, names, units in (("rates", robot.coordinates, robot.coordinate_units),
+                                  ("input_rates", robot.inputs, robot.input_units)):  # fmt: skip
+            self.limits.ranges(key, names, [f"{unit}/s" for unit in units])
+        self.limits.ranges("lengths", robot.inputs, ["m"] * robot.m)
+
+    def _refuse_outside(self):
+        """Raise Bad for given values outside of their limits."""
+        (low, high), (least, most) = self.coordinate_limits(), self.input_limits()
+        rows = [("start", self.start), *((path, moment) for path, _, moment in self.moments), ("", self)]
+        for path, holder in rows:
+            if path == "start" and self.start.is_settled:
+                continue
+            for key, lower, upper in (("coordinates", low, high), ("inputs", least, most)):
+                where = f"{path}.{key}".lstrip(".")
+                for i, value in self.named(key, getattr(holder, key), where).items():
+                    if not lower[i] - 1e-9 <= value <= upper[i] + 1e-9:
+                        name, between = getattr(self.robot, key)[i], f"[{lower[i]:g}, {upper[i]:g}] (SI)"
+                        raise Bad(f"{where}.{name}", f"{value:g} is outside its limits {between}")
+
+    def solve(self, progress=None):
+        began = time.perf_counter()
+        result = plan(self, progress)
+        return replace(result, solver={**result.solver, "seconds": time.perf_counter() - began})
+
+
+def _located(robot, record, path):
+    try:
+        locate(robot, record)
+    except Bad as bad:
+        raise Bad(f"{path}.{bad.key}", str(bad)) from None
