@@ -196,8 +196,7 @@ def test_where_a_joint_is_written_anew_its_curve_has_a_gap():
     q[:, 2] = 2.0, 3.0, -2.3, -1.3, -0.3
     piece = SimpleNamespace(columns=slice(0, 6), size=6)
     robot = SimpleNamespace(tree=SimpleNamespace(pieces=[piece]), coordinate_units=["rad"] * 3 + ["m"] * 3)
-    motion = SimpleNamespace(t=np.arange(5.0), q=q, robot=robot,
-                             result=SimpleNamespace(question=SimpleNamespace(driven={})))  # fmt: skip
+    motion = SimpleNamespace(t=np.arange(5.0), q=q, robot=robot, driven={})
     for i in (2, 3):
         t, values = motion_coordinates._with_gaps(motion, np.arange(5), i)
         np.testing.assert_array_equal(np.isnan(values), [False, False, True, False, False, False])

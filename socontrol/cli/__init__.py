@@ -46,6 +46,8 @@ class Family(StrEnum):
     actuators = "actuators"
     goals = "goals"
     costs = "costs"
+    plan_costs = "plan_costs"
+    obstacles = "obstacles"
     histories = "histories"
     solvers = "solvers"
     problems = "problems"
@@ -102,6 +104,57 @@ def solve(
 
 
 @app.command()
+def plan(
+    robot: Annotated[Path, typer.Argument(help="A robot file.", show_default=False)],
+    to: Annotated[
+        list[str],
+        typer.Option(metavar="NAME=X,Y,Z", help="Where the end of a segment (or `tip`) goes, or COORDINATE=VALUE."),
+    ],
+    duration: Annotated[str, typer.Option(metavar="TIME", help="Seconds, or SHORTEST..LONGEST where it is free.")],
+    start: Annotated[str, typer.Option("--from", metavar="rest|NAME=VALUE,..", help="Shape at the start.")] = "rest",
+    via: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TIME:NAME=X,Y,Z", help="Where it passes; TIME in seconds, or a share such as 50%."),
+    ] = None,
+    avoid: Annotated[
+        list[str] | None, typer.Option(metavar="KIND:NUMBERS", help="Obstacle, e.g. sphere:X,Y,Z,RADIUS.")
+    ] = None,
+    minimise: Annotated[
+        list[str] | None, typer.Option(metavar="COST[=WEIGHT]", help="effort (the default), time, input_rate ...")
+    ] = None,
+    limit_rate: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Largest rate of an input or a coordinate.")
+    ] = None,
+    quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Equilibrium at all times, no masses.")] = False,
+    intervals: Annotated[int | None, typer.Option(help="Intervals of the mesh.", show_default=False)] = None,
+    scheme: Annotated[str | None, typer.Option(help="radau, lobatto ...", show_default=False)] = None,
+    points: Annotated[int | None, typer.Option(help="Points in an interval.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the problem and its result folder.")] = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the problem file too.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file of --save.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Solve nothing; without --save print the file.")] = False,
+    output: Output = Path("results"),
+    json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON document.")] = False,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False,
+    compiled: Annotated[bool, typer.Option("--compiled", help="Through compiled C: for long work.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    verbose: Verbose = 0,
+):
+    """Plan a motion of a robot and write a result folder."""
+    from socontrol.cli.plan import Saving, plan_motion
+    from socontrol.cli.plan_flags import Flags
+    from socontrol.cli.solve import Settings
+
+    flags = Flags(
+        start=start, to=tuple(to), duration=duration, avoid=tuple(avoid or ()), via=tuple(via or ()),
+        intervals=intervals, scheme=scheme, points=points, minimise=tuple(minimise or ()),
+        limit_rate=tuple(limit_rate or ()), quasi_static=quasi_static,
+    )  # fmt: skip
+    settings = Settings(output, json, (), not no_figures, False, quiet, verbose, compiled)
+    return plan_motion(robot, flags, Saving(save, name, force, dry_run), settings)
+
+
+@app.command()
 def check(files: Files, set_: Overrides = None, verbose: Verbose = 0):
     """Say whether robot, problem and solver files are sound."""
     from socontrol.cli.check import check_all
@@ -150,9 +203,21 @@ def plot(
     result: Annotated[Path, typer.Argument(help="A result folder.", show_default=False)],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for the figures.")] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Write motion.gif of a simulation, and no figures.")] = False,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write a planned motion as a table, and no figures.")
+    ] = None,
+    every: Annotated[
+        str | None, typer.Option("--every", metavar="TIME", help="With --csv: time between rows, e.g. 5ms.")
+    ] = None,
     verbose: Verbose = 0,
 ):
-    """Draw the figures of a result again, or its motion."""
+    """Draw the figures of a result again, or its motion, or write a plan as a table."""
+    if csv or every:
+        from socontrol.cli.plan_table import write_table
+
+        if not csv or gif or output:
+            raise typer.BadParameter("--every goes with --csv FILE; --csv goes without --gif and --output")
+        return write_table(result, csv, every)
     from socontrol.cli.plot import draw_again
 
     return draw_again(result, output or result, gif)

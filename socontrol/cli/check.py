@@ -10,6 +10,8 @@ from socontrol.files.yaml_reader import FileError, UnreadableFile, read_yaml
 from socontrol.mechanics.robot import Description
 from socontrol.programs.question import Question
 from socontrol.programs.questions import QUESTIONS, SOLVERS
+from socontrol.programs.trajectory import Trajectory
+from socontrol.quantities import joined
 
 
 def check_all(files, overrides=()):
@@ -63,6 +65,13 @@ def _robot(robot):
 
 
 def _asked(question):
+    """`; goal tip`, of a plan `; to tip, past via, around ball`."""
+    if isinstance(question, Trajectory):
+        end = question.end
+        ways = [("to", [*(end.coordinates or {}), *(end.goals or {})]), ("past", question.waypoints),
+                ("around", question.obstacles)]  # fmt: skip
+        said = ", ".join(f"{word} {joined(names, 'and')}" for word, names in ways if names)
+        return f"; {said}" if said else ""
     goals = getattr(question, "goals", None)
     if not goals:
         return ""

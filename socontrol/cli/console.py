@@ -2,9 +2,11 @@
 
 import os
 import sys
+import time
 from contextlib import contextmanager
 
 WIDE = 100  # columns where the output is no terminal
+REFRESH = 0.05  # s between two lines of progress
 
 
 def console(stream=None):
@@ -33,10 +35,13 @@ def progress(name, check, wanted=True):
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console(sys.stderr), transient=True) as bar:
-        task = bar.add_task(f"solving {name}", total=None)
+        task, shown = bar.add_task(f"solving {name}", total=None), [0.0]
 
         def show(done, total, sentence):
             check()
             bar.update(task, completed=done, total=total, description=f"solving {name}: {sentence}")
+            if time.monotonic() - shown[0] > REFRESH:  # a solver in C++ leaves rich's own thread no turn
+                shown[0] = time.monotonic()
+                bar.refresh()
 
         yield show

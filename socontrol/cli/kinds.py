@@ -16,6 +16,8 @@ from socontrol.model.materials import MATERIALS
 from socontrol.model.sections import SECTIONS
 from socontrol.programs.costs import COSTS
 from socontrol.programs.goals import GOALS
+from socontrol.programs.obstacles import OBSTACLES
+from socontrol.programs.plan_costs import PLAN_COSTS
 from socontrol.programs.questions import QUESTIONS, SOLVERS
 from socontrol.programs.signals import SIGNALS
 from socontrol.records import fields_of
@@ -29,6 +31,8 @@ FAMILIES = {  # family: (table, where it stands in a file)
     "loads": (LOADS, "robot or problem: loads.NAME.type"),
     "goals": (GOALS, "problem: goals.NAME.type"),
     "costs": (COSTS, "problem: costs.NAME.type"),
+    "plan_costs": (PLAN_COSTS, "trajectory: costs.NAME.type"),
+    "obstacles": (OBSTACLES, "trajectory: obstacles.NAME.type"),
     "histories": (SIGNALS, "simulation: inputs.NAME, coordinates.NAME or load_factors.NAME, .type"),
     "solvers": (SOLVERS, "problem: solver.type"),
     "problems": (QUESTIONS, "problem: type"),

@@ -32,10 +32,11 @@ def _figures(folder, result, output):
 
 def _gif(folder, result, output):
     """[path] of the animation, None where there is none to make."""
+    from socontrol.report.motion import MOVING
     from socontrol.report.motion_gif import write_gif
 
-    if result.type != "simulation":
-        say(f"{folder}: a result of type {result.type} does not move; --gif wants one of type simulation")
+    if result.type not in MOVING:
+        say(f"{folder}: a result of type {result.type} does not move; --gif wants one of type {' or '.join(MOVING)}")
         return None
     output.mkdir(parents=True, exist_ok=True)
     path = output / "motion.gif"

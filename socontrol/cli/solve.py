@@ -46,15 +46,28 @@ def solve_all(problems, settings):
                 code = INTERRUPTED
                 break
     if settings.json:
-        printed = documents if len(problems) > 1 else documents[0]
-        print(json.dumps(printed, indent=2, allow_nan=False, ensure_ascii=False))
+        print_json(documents if len(problems) > 1 else documents[0])
     return code
+
+
+def print_json(content):
+    print(json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False))
 
 
 def solve_one(path, settings, interrupts):
     """(exit code, JSON document) of one problem."""
+
+    def work():
+        document = read_problem(path, settings.overrides)
+        return solved(path, document, question_of(document), settings, interrupts)
+
+    return guarded(path, work, settings.verbose)
+
+
+def guarded(path, work, verbose):
+    """(exit code, JSON document) that `work` returns, or those of what it raises, said in one line."""
     try:
-        return _solved(path, settings, interrupts)
+        return work()
     except (FileError, UnreadableFile) as error:
         code = told(error)
         message = str(error)
@@ -64,13 +77,12 @@ def solve_one(path, settings, interrupts):
         if interrupted(error):
             say(f"{path}: interrupted")
             return INTERRUPTED, {"problem": str(path), "exit": INTERRUPTED, "error": "interrupted"}
-        code, message = unexpected(error, settings.verbose), f"unexpected {type(error).__name__}: {error}"
+        code, message = unexpected(error, verbose), f"unexpected {type(error).__name__}: {error}"
     return code, {"problem": str(path), "exit": code, "error": message}
 
 
-def _solved(path, settings, interrupts):
-    document = read_problem(path, settings.overrides)
-    question = question_of(document)
+def solved(path, document, question, settings, interrupts):
+    """(exit code, JSON document) of a question, its result folder named as the file at `path`, written and printed."""
     if settings.verify and not document.data.get("expect"):
         raise document.error(("expect",), "missing key 'expect': --verify has nothing to compare with")
     folder = settings.output / path.stem

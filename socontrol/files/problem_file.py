@@ -1,11 +1,10 @@
 """Problem files: a question, the robot and solver it refers to by relative path, and what it should answer."""
 
-import csv
-import itertools
 import os
 from dataclasses import replace
 from pathlib import Path
 
+from socontrol.files.csv_reader import read_sheet, short
 from socontrol.files.expectations import check_expectations
 from socontrol.files.loader import (
     Document,
@@ -18,17 +17,16 @@ from socontrol.files.loader import (
     unknown_key,
     validate,
 )
+from socontrol.files.plan_files import motions_inlined
 from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
 from socontrol.programs import questions
 from socontrol.programs.questions import QUESTIONS, SOLVERS, Solver
-from socontrol.programs.signals import LONGEST
 from socontrol.programs.singular import unheld
 from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad, fields_of, joined, nearest, show
 
 LATER = {  # problem types of the file format that this version does not answer
-    "trajectory": "planned motions",
     "tensions": "optimised tendon tensions",
 }
 REFERENCES = ("robot", "solver")  # keys that may hold the path of a file instead of a mapping
@@ -42,7 +40,8 @@ def load_problem(path, overrides=()):
 
 def problem(mapping, folder="."):
     """Question of a mapping with the keys of a problem file; paths in it are relative to `folder`."""
-    return question_of(tabled(inlined(Document({"name": "problem", **mapping}), Path(folder)), Path(folder)))
+    document = tabled(inlined(Document({"name": "problem", **mapping}), Path(folder)), Path(folder))
+    return question_of(motions_inlined(document, Path(folder), names_of))
 
 
 def read_problem(path, overrides=()):
@@ -62,7 +61,7 @@ def resolved(document, path, overrides=()):
     document = tabled(inlined(document, Path(path).parent), Path(path).parent)
     for text in overrides:
         document = override(_opened(document, text), text) if text not in whole else document
-    return document
+    return motions_inlined(document, Path(path).parent, names_of)
 
 
 def _opened(document, text):
@@ -104,38 +103,32 @@ def tabled(document, folder):
     return document
 
 
+def names_of(document):
+    """Names of coordinates and inputs of the robot inside a document; raises FileError."""
+    robot = _robot(document)
+    return {"coordinates": robot.coordinates, "inputs": robot.inputs}
+
+
 def columns_of(document, path, entry, folder):
     """times and values of a table's `file` and `column`; the first column of the file is the time."""
     file, column = entry["file"], entry.get("column")
     for key in ("times", "values"):
         if key in entry:
             raise document.error((*path, key), f"the file gives the {key}; leave this key out")
-    if not isinstance(file, str):
-        raise document.error((*path, "file"), f"{show(file)} is given; a path is wanted")
-    try:
-        if (folder / file).exists() and not (folder / file).is_file():
-            raise ValueError
-        with open(_short(folder / file), newline="", encoding="utf-8-sig") as stream:
-            rows = list(itertools.islice(csv.reader(stream), LONGEST + 2))
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
-        why = getattr(error, "strerror", None) or "no comma-separated text"
-        raise document.error((*path, "file"), f"cannot read '{file}' beside this file: {why}") from error
-    heads = [head.strip() for head in rows[0]] if rows else []
+    sheet = read_sheet(document, (*path, "file"), file, folder)
+    heads = sheet.heads[1:]
     if column is None:
-        raise document.error((*path, "file"), f"give `column` beside the file: {joined(heads[1:]) or 'it has none'}")
-    if column not in heads[1:]:
-        sentence = f"'{file}' has no column {show(column)}{nearest(str(column), heads[1:])}"
+        raise sheet.refuse(f"give `column` beside the file: {joined(heads) or 'it has none'}")
+    if column not in heads:
+        sentence = f"'{file}' has no column {show(column)}{nearest(str(column), heads)}"
         raise document.error((*path, "column" if "column" in entry else "file"), sentence)
-    picked, times, values = heads.index(column, 1), [], []
-    for number, row in enumerate(rows[1:], start=2):
-        if not any(cell.strip() for cell in row):
-            continue
+    picked, times, values = sheet.heads.index(column, 1), [], []
+    for line, cells in sheet.rows:
         try:
-            times.append(float(row[0]))
-            values.append(float(row[picked]))
+            times.append(float(cells[0]))
+            values.append(float(cells[picked]))
         except (ValueError, IndexError):
-            sentence = f"{file}:{number}: no number in column '{column}' or the first"
-            raise document.error((*path, "file"), sentence) from None
+            raise sheet.refuse(f"{file}:{line}: no number in column '{column}' or the first") from None
     return {"times": times, "values": values}
 
 
@@ -182,7 +175,7 @@ def _kind(document):
     return QUESTIONS[kind]
 
 
-def _robot(document, cls):
+def _robot(document, cls=None):
     if "robot" not in document.data:
         example = "a path such as ../configs/robots/stiff_flop.yaml, or a mapping"
         raise document.error(("robot",), f"missing key 'robot' ({example})")
@@ -227,18 +220,9 @@ def load_solver(path):
 def _referred(document, key, given, folder):
     """Document of the file that a key names."""
     try:
-        return read_yaml(_short(folder / given))
+        return read_yaml(short(folder / given))
     except UnreadableFile as error:
         raise document.error((key,), f"cannot read '{given}' beside this file{_near(folder / given)}") from error
-
-
-def _short(path):
-    """The path without detours over `..`, if that leads to the same file."""
-    try:
-        short = Path(os.path.normpath(path))
-        return short if short.samefile(path) else path
-    except (OSError, ValueError):
-        return path
 
 
 def _near(path):

@@ -19,6 +19,7 @@ from socontrol.files.yaml_reader import FileError, UnreadableFile, one_line
 from socontrol.files.yaml_writer import yaml_text
 from socontrol.programs.inverse_statics import Attempt
 from socontrol.programs.result import Result, Status, Value
+from socontrol.report.plan_csv import table
 
 SCHEMA_VERSION = 1
 AT_CWD, EXCHANGE = -100, 2  # of Linux's renameat2
@@ -143,6 +144,8 @@ def _fill(folder, result, document, comparisons, draw):
     np.savez(folder / "arrays.npz", **result.arrays)
     if "path.u" in result.arrays:
         (folder / "path.csv").write_text(_path_table(result), encoding="utf-8")
+    if result.type == "trajectory" and "t" in result.arrays:
+        (folder / "plan.csv").write_text(table(result), encoding="utf-8")
     (folder / "problem.resolved.yaml").write_text(yaml_text(document.data), encoding="utf-8")
     (folder / "log.txt").write_text(_log(result), encoding="utf-8")
     if draw is None:

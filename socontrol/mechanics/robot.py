@@ -183,7 +183,8 @@ class Robot:
         """
         total = 0.0
         for piece in self.tree.pieces:
-            offsets = [piece.end[:3, 3]] if piece.parent is None else [piece.placement[:3, 3], piece.end[:3, 3]]
+            own = piece.parent is not None and piece.index == 0  # `piece.placement` holds the parent's tip as well
+            offsets = [piece.end[:3, 3]] + [piece.record.placement.pose()[:3, 3]] * own
             total += float(piece.length) * piece.is_rod + sum(float(ca.norm_2(x)) for x in offsets)
         return total or 1.0
 

@@ -17,6 +17,7 @@ from socontrol.programs.schemes import scheme
 
 PENETRATION = 1e-3  # of the robot's length between the instants that were held clear: more rejects a plan
 MET = 1e-6  # of a goal's scale
+FORCES = {"rad": "N m", "m": "N", "1/m": "N m^2", "1": "N m"}  # conjugate to a coordinate's unit
 WORST = 5  # quantities that are named
 PER_SECTION = 8  # stations of a section that are looked at afterwards
 
@@ -28,7 +29,7 @@ def answered(question, planner, outcome, attempts, build_seconds):
     log = "\n".join(f"--- {a.start}: {a.outcome}, {a.iterations} iterations\n{a.log}" for a in attempts if a.log)
     mesh = question.mesh
     form = f"{mesh.scheme} {planner.scheme.size}" if mesh.scheme in ("radau", "lobatto") else mesh.scheme
-    details = {"attempts": attempts, "scheme": form, "intervals": mesh.intervals, "integrator": form}
+    details = {"attempts": attempts, "scheme": form, "intervals": mesh.intervals}
     result = Result(name=question.name, type="trajectory", status=outcome.status, question=question, solver=solver,
                     details=details, log=log)  # fmt: skip
     if not np.all(np.isfinite(outcome.x)):
@@ -73,14 +74,14 @@ def resampled(result, times):
 
 
 def cleared(question, q):
-    """{obstacle: least distance [K, m] of the robot's surface} at rows of q, its clearance counted in."""
+    """{obstacle: least distance [K, m] of the robot's surface from it} at rows of q."""
     robot, found = question.loaded, {}
     looked = [station for station in stations(robot, PER_SECTION) if not station.held]
     for name, obstacle in (question.obstacles or {}).items():
         x = ca.SX.sym("q", robot.n)
         rows = ca.mmin(clearances(robot, Kinematics(robot.tree, x), obstacle, looked))
         run = Buffered(ca.Function("clearance", [x], [rows]))
-        found[name] = np.array([float(run(row)[0][0][0]) for row in q])
+        found[name] = np.array([float(run(row)[0][0][0]) for row in q]) + obstacle.clearance
     return found
 
 
@@ -111,8 +112,8 @@ def _values(question, planner, curve, found, arrays):
 
 def _fastest(functions, speed, arrays):
     J = Buffered(functions.jacobian(speed.on, speed.at).function)
-    return float(max(np.linalg.norm(J(q)[0][0].reshape(-1, 6)[:, 3:].T @ v)
-                     for q, v in zip(arrays["q"], arrays["qd"], strict=True)))  # fmt: skip
+    rows = zip(arrays["q"], arrays["qd"], strict=True)
+    return float(max(np.linalg.norm(J(q)[0][:, 3:].T @ v) for q, v in rows))  # buffers hold columns
 
 
 def _residuals(question, planner, found, curve):
@@ -147,20 +148,34 @@ def worst(planner, found, curve):
         i, k = np.unravel_index(int(np.argmax(miss)), miss.shape)
         if miss[i, k] > MET:
             node = int(part.when[i])
-            rows.append((miss[i, k], {"quantity": part.name, "node": node, "time": float(curve.nodes[node]),
-                                      "excess": float(miss[i, k] * part.scale[k]), "unit": part.units[k]}))  # fmt: skip
+            name, unit = _named(planner.question, part, int(k))
+            rows.append((miss[i, k], {"quantity": name, "node": node, "time": float(curve.nodes[node]),
+                                      "excess": float(miss[i, k] * part.scale[k]), "unit": unit}))  # fmt: skip
     return [row for _, row in sorted(rows, key=lambda pair: -pair[0])[:WORST]]
+
+
+def _named(question, part, row):
+    """What a row of a part is about, and its unit."""
+    robot = question.loaded
+    if part.name == "equation of motion":
+        i = int(np.flatnonzero(question.free)[row])
+        return f"force on {robot.coordinates[i]}", FORCES.get(robot.coordinate_units[i], "conjugate")
+    if part.name == "defects":
+        half, i = divmod(row, part.size // 2)
+        unit = robot.coordinate_units[i % robot.n]
+        return f"{'rate' if half else 'motion'} of {robot.coordinates[i % robot.n]}", f"{unit}/s" if half else unit
+    return part.name, part.units[row]
 
 
 def _checked(question, curve, planner, result):
     """The result after an independent look: it is rejected where the replay or an obstacle says so."""
     arrays, values, note = look(question, curve, planner, result.arrays)
     result = replace(result, arrays={**result.arrays, **arrays}, values={**result.values, **values})
-    for name in question.obstacles or {}:
-        gap = result.values[f"clearance.{name}"].value
-        if gap < -PENETRATION * question.loaded.length:
-            sentence = f"Between the points the robot sinks {-gap * 1e3:.2g} mm into '{name}'; take more intervals."
-            note = note or Status("rejected", sentence)
+    for name, obstacle in (question.obstacles or {}).items():
+        short = obstacle.clearance - result.values[f"clearance.{name}"].value
+        if short > PENETRATION * question.loaded.length:
+            told = f"Between the points the robot comes {short * 1e3:.2g} mm too near to '{name}'"
+            note = note or Status("rejected", f"{told}; take more intervals.")
     misses = [n for n, goal in (question.end.goals or {}).items() if goal.weight is not None]
     if note is None and misses:
         told = ", ".join(f"{n} missed by {result.residuals[f'goals.{n}'].value:.3g}" for n in misses)

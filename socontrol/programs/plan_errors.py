@@ -20,6 +20,7 @@ FRACTIONS = (np.arange(10) + 0.5) / 10  # of an interval: where the equation of 
 PIECES = (2, 4, 8, 16, 32, 64)  # steps of the finer formula in an interval: the first number that converges
 EXACT = 1e-8  # of the speed: the finer formula solves its equations to a hundredth of it
 SMALL = 1e-4  # of the robot's length and speed: differences are linear so far, and rounding is far below
+ROOM = 1.1  # times the intervals that would do if errors fell exactly with the order
 WEAK = 1e-3  # of the largest force: less on a coordinate is no force to compare with
 
 
@@ -59,23 +60,24 @@ def _rows(function, *given):
 
 @dataclass(frozen=True)
 class Errors:
-    """Estimated. local [N]: error of each interval, over the robot's length and speed; tip [N+1]: way off of any end at
-    the nodes [m]; within: largest error inside an interval [m]; growth: of errors, beside a body that coasts."""
+    """Estimated. local [N]: error of each interval, over the robot's length and speed; tip [N]: largest way off of any
+    end in each [m]; growth: of errors, beside a body that coasts; worst: index of the coordinate that errs most in an
+    interval, and when [s]."""
 
     local: np.ndarray
     tip: np.ndarray
-    within: float
     growth: float
+    worst: tuple
 
     @property
     def largest(self):
         """Largest way off of any end [m]."""
-        return float(np.max(self.tip)) + self.within
+        return float(np.max(self.tip))
 
 
 def needed(curve, off, allowed):
     """Intervals that bring the way off to what is allowed [m each]."""
-    return max(1, int(np.ceil(len(curve.shares) * (off / allowed) ** (1 / order(curve.scheme)))))
+    return max(1, int(np.ceil(ROOM * len(curve.shares) * (off / allowed) ** (1 / order(curve.scheme)))))
 
 
 class Finer:
@@ -94,37 +96,38 @@ class Finer:
 
     def errors(self):
         """Errors; None where an interval is too long for the finer formula to converge."""
-        count, free = len(self.curve.shares), self.plant.free
-        E, states, local, inner = np.zeros((2, free.size)), [np.zeros((2, free.size))], [], []
-        for k in range(count):
-            x = np.array([self._q[k], self._v[k]])
-            pieces, found = self._over(k, x)
-            shifted, factor = None, 0.0
-            if found is not None and np.any(E):
-                factor = SMALL / self._size(E)
-                shifted = self._steps_over(k, x + factor * E, pieces)
-            if found is None or (factor and shifted is None):
+        E, local, off, tip = np.zeros((2, self.plant.free.size)), [], 0.0, []
+        for k in range(len(self.curve.shares)):
+            found = self._passed(k, E)
+            if found is None:
                 return None
-            end, *rows = found
-            local.append(end - np.array([self._q[k + 1], self._v[k + 1]]))
-            inner.append(self._inside(k, *rows))
-            E = local[-1] + ((shifted[0] - end) / factor if factor else 0.0)
-            states.append(E)
-        tip, local = self._tips(np.array(states)), np.array(local)
+            own, E, inside = found
+            off = max(off, float(np.max(np.abs(E[0]) * self.weights)))
+            local.append(own)
+            tip.append(self._tip(k, *inside))
+        local = np.array(local)
         coasting = self._coasting(local)
-        off = max(float(np.max(np.abs(state[0]) * self.weights, initial=0.0)) for state in states)
-        sizes = np.array([self._size(error) for error in local])
-        return Errors(sizes, tip, max(inner), off / coasting if coasting > 0 else 0.0)
+        growth = off / coasting if coasting > 0 else 0.0
+        return Errors(np.array([self._size(error) for error in local]), np.array(tip), growth, self._worst(local))
 
-    def _over(self, k, x):
+    def _passed(self, k, E):
+        """Over interval k, with an error E where it begins: its own error, the error where it ends, and (fractions,
+        errors of q) inside; None without convergence."""
+        x, size = np.array([self._q[k], self._v[k]]), self._size(E)
+        factor = SMALL / size if size > 0 else 1.0
         for pieces in PIECES:
             found = self._steps_over(k, x, pieces)
-            if found is not None:
-                return pieces, found
-        return PIECES[-1], None
+            beside = self._steps_over(k, x + factor * E, pieces) if found and size > 0 else found
+            if beside is None:
+                continue
+            (end, at, q), (moved, _, aside) = found, beside
+            own = end - np.array([self._q[k + 1], self._v[k + 1]])
+            inside = q - self.curve.inside(np.full(at.size, k), at)[0][:, self.plant.free] + (aside - q) / factor
+            return own, own + (moved - end) / factor, (at, inside)
+        return None
 
     def _steps_over(self, k, x, pieces):
-        """From a state [2 x n_f]: the state at the end of interval k, and fractions and q at the steps' nodes."""
+        """From a state [2 x n_f]: that at the end of interval k, and fractions and q at the nodes of the steps."""
         plant, curve, steps, (q, v) = self.plant, self.curve, self._steps, x
         plant.k, h = k, (curve.nodes[k + 1] - curve.nodes[k]) / pieces
         whole, rates, fractions, rows = curve.q[k].copy(), np.zeros(plant.n), [], []
@@ -140,35 +143,29 @@ class Finer:
             q, v = steps.end(step, v, q)
         return np.array([q, v]), np.concatenate(fractions), np.vstack(rows)
 
-    def _inside(self, k, x, q):
-        """Largest distance [m] of any end from the plan inside an interval."""
+    def _tip(self, k, x, errors):
+        """Largest way off [m] of any end for errors of q [J x n_f] at fractions x of interval k, to first order."""
+        size = self._size(np.array([np.max(np.abs(errors), axis=0), np.zeros(errors.shape[1])]))
+        factor = SMALL / size if size > 0 else 1.0
         plan = self.curve.inside(np.full(x.size, k), x)[0]
         beside = plan.copy()
-        beside[:, self.plant.free] = q
-        return _farthest(self._positions(beside) - self._positions(plan)).max()
-
-    def _tips(self, states):
-        """Way off [N+1] of any end for errors at the nodes, to first order."""
-        sizes = np.array([self._size(E) for E in states])
-        factors = np.where(sizes > 0, SMALL / np.where(sizes > 0, sizes, 1.0), 1.0)
-        beside = self.curve.q.copy()
-        beside[:, self.plant.free] += factors[:, None] * states[:, 0]
-        return _farthest(self._positions(beside) - self._positions(self.curve.q)) / factors
+        beside[:, self.plant.free] += factor * errors
+        return float(np.linalg.norm(self._positions(beside) - self._positions(plan), axis=2).max() / factor)
 
     def _size(self, E):
         """Of an error of q and v: over the robot's length and speed."""
         q, v = np.max(np.abs(E) * self.weights, axis=1, initial=0.0)
         return float(max(q / self.length, v / self.speed))
 
+    def _worst(self, local):
+        shares = np.max(np.abs(local) * self.weights / np.array([[self.length], [self.speed]]), axis=1)
+        k, i = np.unravel_index(int(np.argmax(shares)), shares.shape)
+        return int(self.plant.free[i]), float(self.curve.nodes[k + 1])
+
     def _coasting(self, local):
         """Way off [m] where errors of position stay and those of speed go on."""
         q, v = np.max(np.abs(local) * self.weights, axis=2, initial=0.0).T
         return float(np.sum(q + (self.curve.duration - self.curve.nodes[1:]) * v))
-
-
-def _farthest(gaps):
-    """Largest length [K] of gaps [K x ends x 3]."""
-    return np.linalg.norm(gaps, axis=2).max(axis=1, initial=0.0)
 
 
 def positions(functions, robot):

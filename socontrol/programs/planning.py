@@ -9,7 +9,7 @@ from socontrol.programs.loosen import loosened
 from socontrol.programs.plan_answer import answered
 from socontrol.programs.plan_guess import FINE, Course, Guesses, settled
 from socontrol.programs.planner import Planner
-from socontrol.programs.result import Result, Status
+from socontrol.programs.result import Result, Status, Value
 from socontrol.programs.solver import NLP
 
 
@@ -35,7 +35,32 @@ class _Search:
         if self.best.status.outcome in ("infeasible", "numerical") and np.all(np.isfinite(self.best.x)):
             self._loosen()
         result = answered(self.question, self.planner, self.best, self.attempts, self.nlp.build_seconds)
-        return replace(result, details={**result.details, **self.details})
+        result = replace(result, details={**result.details, **self.details})
+        return self._halved(result) if result.status.solved and self.question.mesh.halved else result
+
+    def _halved(self, result):
+        """The result with the cost's change where the mesh has half the intervals: above what twice as many change."""
+        question = self.question
+        coarse = replace(question, mesh=replace(question.mesh, intervals=max(len(question.moments), self._half)))
+        planner = Planner(coarse, self.start)
+        course = self._course(self.planner.transcription.planned(self.best.values))
+        nlp = NLP(planner.program, coarse.solver, question.loaded.compiled, self.progress)
+        outcome = nlp.solve(course.fill(planner.transcription))
+        change = abs(outcome.cost - self.best.cost) if outcome.status.solved else None
+        values = {} if change is None else {"mesh.cost_change": Value(change, "1")}
+        details = {**result.details, "halved": {"intervals": coarse.mesh.intervals, "cost_change": change}}
+        return replace(result, values={**result.values, **values}, details=details)
+
+    @property
+    def _half(self):
+        return -(-self.question.mesh.intervals // 2)
+
+    def _course(self, curve):
+        """A planned motion as a course to start from."""
+        shares = np.linspace(0.0, 1.0, FINE + 1)
+        q, _, _, u, _ = curve.at(shares * curve.duration)
+        span = self.question.span
+        return Course(shares, q, u, float(np.clip(curve.duration, span.shortest, span.longest)))
 
     def _searched(self):
         """As many guesses as asked for, and the straight one where the first fails."""
@@ -70,9 +95,7 @@ class _Search:
         if rows is None:
             return
         if not rows:
-            shares = np.linspace(0.0, 1.0, FINE + 1)
-            q, _, _, u, _ = found.at(shares * found.duration)
-            self._tried("from the loosened", Course(shares, q, u, self.question.span.guess))
+            self._tried("from the loosened", self._course(found))
             return
         first = rows[0]
         name, by = first["quantity"], f"{first['by']:.3g} {first['unit']}".removesuffix(" 1")

@@ -14,9 +14,10 @@ from socontrol.programs.result import Status, Value
 from socontrol.programs.signals import History
 from socontrol.programs.simulation import displacement_weights
 
-MARGIN, LOOSEST, TIGHTEST = 0.03, 1e-6, 1e-9  # tolerance of the simulation: of the error of an interval; its limits
+MARGIN, LOOSEST, TIGHTEST = 0.03, 1e-5, 1e-9  # tolerance of the simulation: of the error of an interval; its limits
 STEPS = 1000  # of the simulation for each interval: more are a motion that runs away
 UNSTABLE = 10.0  # times the way off of a body that coasts: more is worth a sentence
+COARSE = 0.05  # of the speed: an interval that errs by more does not resolve what moves there
 HIGH = 5  # order of a scheme that is high enough to want more points rather than another scheme
 MOST_MORE = 10  # times as many intervals; beyond, a higher order is the better advice
 LITTLE = 0.01  # of the robot's length: what moves an end less is no range of a coordinate
@@ -122,7 +123,7 @@ def _looked(question, curve, functions, arrays):
     weights = displacement_weights(robot)
     when, share = between(question, curve, functions, weights)
     more, values = {"error.t": when, "error.share": share}, {"error.between": Value(float(np.max(share)), "1")}
-    if question.quasi_static or not question.replay.active:
+    if question.quasi_static or not question.replay.active or not question.free.any():
         return more, values, None
     plant = Driven.of(question, curve)
     errors = Finer(plant, curve, weights, positions(functions, robot)).errors()
@@ -157,17 +158,26 @@ def _note(question, curve, errors, found, off):
     """Status of a plan that the robot would not follow; None for one that it would."""
     if found.status.outcome == "interrupted":
         return Status("interrupted", "Stopped by the user; the plan is kept, but was not simulated to its end.")
-    told = f"Simulated again under its own inputs, {off.segment} is {off.tip:.3g} m off at t = {off.time:.4g} s"
-    tolerance = question.replay.tolerance
+    where, tolerance = f"the end of {off.segment} is {off.tip:.3g} m off", question.replay.tolerance
+    told = f"Simulated again under its own inputs, {where} at t = {off.time:.4g} s"
     if not found.status.solved:
         told = f"{told}, and {found.t[-1]:.4g} s is as far as the simulation gets"
     elif off.share <= tolerance:
         return None
     else:
         told = f"{told}: {off.share:.2g} of the robot's length, more than `replay.tolerance` of {tolerance:g}"
-    grown = errors is not None and errors.growth > UNSTABLE
-    unstable = f" Without feedback this motion is unstable: errors grow {errors.growth:.0f}-fold." if grown else ""
-    return Status("rejected", f"{told}.{unstable} {_advice(question, curve, errors, off)}")
+    return Status("rejected", f"{told}. {_reasons(question, errors)}{_advice(question, curve, errors, off)}")
+
+
+def _reasons(question, errors):
+    """Sentences on what makes it hard to follow this plan, as far as that can be seen."""
+    told = ""
+    if errors is not None and errors.growth > UNSTABLE:
+        told += f"Without feedback this motion is unstable: errors grow {errors.growth:.0f}-fold. "
+    if errors is not None and np.max(errors.local) > COARSE:
+        i, t = errors.worst
+        told += f"Near t = {t:.4g} s {question.robot.coordinates[i]} moves faster than the mesh resolves. "
+    return told
 
 
 def _advice(question, curve, errors, off):

@@ -31,12 +31,14 @@ RATE = 0.1  # weight of the rates of inputs beside their effort where no cost is
 class Mesh:
     """`intervals` of the whole motion, in each the `points` of a collocation scheme: radau (order 2 points - 1),
     lobatto (2 points - 2), trapezoidal (2), hermite_simpson (4). inputs: linear or constant in an interval, or the
-    polynomial through the points, which is richer and may leave its limits between them."""
+    polynomial through the points, which is richer and may leave its limits between them. halved: solve again with
+    half the intervals, to say what the mesh does to the cost."""
 
     intervals: Count = 20
     scheme: Literal["radau", "lobatto", "trapezoidal", "hermite_simpson"] = "radau"
     points: Count = 3
     inputs: Literal["linear", "constant", "points"] = "linear"
+    halved: Flag = True
 
     def __post_init__(self):
         if self.intervals > MOST_INTERVALS:

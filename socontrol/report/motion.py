@@ -6,7 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from socontrol.report import shapes
+from socontrol.report.obstacle_shapes import drawn, shows_in_plane
 
+MOVING = ("simulation", "trajectory")  # types whose results are motions
 OVERLAID = 8  # postures drawn over one another
 LOOKED_AT = 40  # outputs that are looked at to find the plane and the limits of a motion
 FLAT = 1e-3  # thickness over size of what counts as a plane
@@ -26,7 +28,7 @@ class View:
 
 
 class Motion:
-    """The recorded motion of a simulation's result."""
+    """The recorded motion of the result of a simulation or of a plan."""
 
     def __init__(self, result):
         self.result, self.robot = result, result.question.loaded
@@ -36,7 +38,7 @@ class Motion:
     def of(cls, result):
         """Motion of a result, None where it has none to draw."""
         q = result.arrays.get("q")
-        if result.type != "simulation" or result.question is None or q is None or "t" not in result.arrays:
+        if result.type not in MOVING or result.question is None or q is None or "t" not in result.arrays:
             return None
         return cls(result) if np.ndim(q) == 2 and len(q) and np.all(np.isfinite(q)) else None
 
@@ -75,10 +77,40 @@ class Motion:
         g = np.array([float(x) for x in self.robot.description.gravity])
         return -g / np.linalg.norm(g) if np.any(g) else np.array([0, 0, 1.0])
 
+    @property
+    def driven(self):
+        """{index: history} of the coordinates that motors move as given."""
+        return getattr(self.result.question, "driven", {})
+
+    @cached_property
+    def obstacles(self):
+        """{name: obstacle} that the motion keeps out of."""
+        return getattr(self.result.question, "obstacles", None) or {}
+
+    @cached_property
+    def near(self):
+        """{name: Drawn obstacle} of those near enough to be seen."""
+        made = {name: drawn(obstacle, self.reach) for name, obstacle in self.obstacles.items()}
+        return {name: one for name, one in made.items() if one is not None}
+
+    @cached_property
+    def reach(self):
+        """(lower [3], upper [3]) of all places and tracks."""
+        points = np.concatenate([*self.places, *(self.track(name) for name in self.tips)])
+        return points.min(0), points.max(0)
+
     @cached_property
     def view(self):
-        """The View square to the plane in which everything moves; None where there is none."""
+        """The View square to the plane in which everything moves; None where there is none, or where an obstacle would
+        look nearer in it than it is."""
         points = np.concatenate([*self.places, *(self.track(name) for name in self.tips)])
+        view, origin = self._square_to(points), points.mean(0)
+        if view is None or all(shows_in_plane(x, self.reach, view.toward, origin) for x in self.obstacles.values()):
+            return view
+        return None
+
+    def _square_to(self, points):
+        """View square to the plane that holds points [k x 3]; None where there is none."""
         centred = points - points.mean(0)
         size, rows = np.linalg.svd(centred, full_matrices=False)[1:]
         if size[2] > FLAT * size[0]:

@@ -54,7 +54,7 @@ def _joint_groups(motion):
     for i in _lumped(motion):
         unit = motion.robot.coordinate_units[i]
         least = NOISE * (motion.robot.length if unit == "m" else 1.0)
-        if i in motion.result.question.driven or np.max(np.abs(motion.q[:, i])) > least:
+        if i in motion.driven or np.max(np.abs(motion.q[:, i])) > least:
             groups.setdefault(unit, []).append(i)
     return groups
 
@@ -121,7 +121,7 @@ def _with_gaps(motion, keep, i):
     t, values = motion.t[keep], motion.q[keep, i]
     piece = next(p for p in motion.robot.tree.pieces if p.columns.start <= i < p.columns.stop)
     turns = [k for k in range(piece.columns.start, piece.columns.stop) if motion.robot.coordinate_units[k] == "rad"]
-    if piece.size < 3 or not turns or i in motion.result.question.driven:
+    if piece.size < 3 or not turns or i in motion.driven:
         return t, values
     jumps = np.flatnonzero(np.linalg.norm(np.diff(motion.q[keep][:, turns], axis=0), axis=1) > np.pi) + 1
     return np.insert(t, jumps, np.nan), np.insert(values, jumps, np.nan)
@@ -130,7 +130,7 @@ def _with_gaps(motion, keep, i):
 def _joint_curves(ax, motion, unit, chosen):
     keep = motion.thinned()
     one, name = readable(unit, *motion.q[:, chosen].ravel())
-    driven = motion.result.question.driven
+    driven = motion.driven
     for n, i in enumerate(chosen):
         colour, dash = style.series(n)
         t, values = _with_gaps(motion, keep, i)
@@ -145,7 +145,7 @@ def _strain_curves(ax, motion, title, strain, chosen):
     """One strain over time; returns whether its colours run along the rod."""
     from matplotlib import colormaps
 
-    keep, driven = motion.thinned(), motion.result.question.driven
+    keep, driven = motion.thinned(), motion.driven
     unit = STRAIN_UNITS[strain]
     unit, one = ("%", 0.01) if unit == "1" else (unit, 1.0)
     shades = colormaps["plasma"]

@@ -12,6 +12,7 @@ import numpy as np
 from socontrol.report import style
 from socontrol.report.motion import Motion
 from socontrol.report.motion_shapes import add_posture, extent, flat, frame_of
+from socontrol.report.obstacle_shapes import add_obstacles
 from socontrol.report.portrait import add_plates
 from socontrol.report.scene import Scene, planes, project
 
@@ -50,7 +51,7 @@ def film(t):
 
 
 def write_gif(result, path, progress=None):
-    """Write the GIF of a simulation's result; the Film shown, or None where there is no motion."""
+    """Write the GIF of a result that moves; the Film shown, or None where there is no motion."""
     import matplotlib as mpl
 
     motion = Motion.of(result)
@@ -105,6 +106,7 @@ def _limits(motion):
         whole.stroke(motion.track(name)[motion.thinned()], style.INK)
     for points in motion.places:
         whole.stroke(points, style.INK)
+    add_obstacles(whole, motion, 10)
     whole.settle_unit()
     return whole
 
@@ -116,6 +118,7 @@ def frame(motion, k, whole, speed):
     add_posture(scene, motion.posed(k), BODY, 3, corners=CORNERS)
     for name in motion.tips:
         scene.stroke(motion.track(name)[: k + 1], style.MISS, width=0.8, layer=9)
+    add_obstacles(scene, motion, 10)
     draw = _plane if motion.view is not None else _planes
     figure = draw(motion, scene, whole)
     rate = "" if speed == 1 else f"   ({speed:g} x real time)"

@@ -4,6 +4,7 @@ import numpy as np
 
 from socontrol.report import style
 from socontrol.report.motion import Motion, time_colours
+from socontrol.report.obstacle_shapes import add_obstacles
 from socontrol.report.portrait import add_plates, add_robot
 from socontrol.report.scene import Scene, fit, paint, planes, project, shaded
 from socontrol.report.units import number
@@ -17,10 +18,7 @@ def shapes_figure(result):
     motion = Motion.of(result)
     if motion is None:
         return None
-    scene, colours = composed(motion)
-    draw = _spatial if motion.view is None else _planar
-    figure, owner, place = draw(motion, scene)
-    _time_bar(owner, place, motion, colours)
+    figure = drawn(motion, *composed(motion))
     ends = motion.tips
     what = f"track of the end{'s' * (len(ends) > 1)} of {', '.join(ends[:3])}{' ...' if len(ends) > 3 else ''}"
     title = f"{result.name}: {len(motion.overlaid)} times{motion.ending()}; thin line: {what}"
@@ -28,8 +26,16 @@ def shapes_figure(result):
     return figure
 
 
+def drawn(motion, scene, colours):
+    """Figure of a composed scene: in the plane of the motion, or in space with two projections beside."""
+    draw = _spatial if motion.view is None else _planar
+    figure, owner, place = draw(motion, scene)
+    _time_bar(owner, place, motion, colours)
+    return figure
+
+
 def composed(motion):
-    """(scene, colours): postures in the colour of their time, later ones over earlier ones, and tracks."""
+    """(scene, colours): postures in the colour of their time, later ones over earlier ones, tracks and obstacles."""
     scene, colours = Scene(up=motion.up), time_colours(len(motion.overlaid))
     for n, k in enumerate(motion.overlaid):
         add_posture(scene, motion.posed(k), colours(n), layer=3 + 2 * n)
@@ -39,6 +45,7 @@ def composed(motion):
         track = motion.track(name)[motion.thinned()]
         if np.max(np.ptp(track, axis=0)) > 1e-6 * motion.robot.length:
             scene.stroke(track, style.INK, width=0.7, layer=top)
+    add_obstacles(scene, motion, top)
     scene.settle_unit()
     return scene, colours
 
@@ -62,7 +69,11 @@ def flat(ax, scene, view, box):
         ax.add_collection(PolyCollection(polygons, facecolors=tints[order], edgecolors=tints[order], lw=0.3,
                                          zorder=layer), autolim=False)  # fmt: skip
     for s in scene.strokes:
-        ax.plot(*(s.points @ view.across / one).T, s.style, color=s.colour, lw=s.width, zorder=s.layer)
+        for points, colour, width, layer in s.parts(view.toward):
+            ax.plot(*(points @ view.across / one).T, s.style, color=colour, lw=width, zorder=layer)
+    for m in scene.marks:
+        ax.plot(*(m.point @ view.across / one)[:, None], m.marker, color=m.colour, mfc=m.face, ms=m.size, mew=1.4,
+                zorder=m.layer)  # fmt: skip
     lower, upper = box
     ax.set(xlim=(lower[0] / one, upper[0] / one), ylim=(lower[1] / one, upper[1] / one))
     ax.set(xlabel=f"{view.labels[0]} [{unit}]", ylabel=f"{view.labels[1]} [{unit}]")
@@ -81,7 +92,8 @@ def frame_of(points, least=0.22):
 
 def extent(scene):
     """All points [k x 3] of a scene."""
-    return np.concatenate([*(q.reshape(-1, 3) for q, _, _ in scene.skins), *(s.points for s in scene.strokes)])
+    lines = [s.points for s in scene.strokes] + [m.point[None] for m in scene.marks]
+    return np.concatenate([*(q.reshape(-1, 3) for q, _, _ in scene.skins), *lines])
 
 
 def _planar(motion, scene):
@@ -103,7 +115,7 @@ def _gravity(ax, motion):
     if not np.any([float(x) for x in motion.robot.description.gravity]) or np.linalg.norm(g) < 0.3:
         return
     x, y = 22 * g / np.linalg.norm(g)
-    ax.annotate("g", (0.97, 0.93), (-x, -y), xycoords="axes fraction", textcoords="offset points", ha="center",
+    ax.annotate("g", (0.97, 0.9), (-x, -y), xycoords="axes fraction", textcoords="offset points", ha="center",
                 va="center", fontsize=8.5, color=style.INK, zorder=99,
                 arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 1.0, "shrinkA": 1})  # fmt: skip
 

@@ -10,6 +10,8 @@ from socontrol.report.fits import fit_figure
 from socontrol.report.motion_coordinates import coordinates_figure
 from socontrol.report.motion_curves import energies_figure, histories_figure
 from socontrol.report.motion_shapes import shapes_figure
+from socontrol.report.plan_paths import path_figure as plan_path_figure
+from socontrol.report.plan_strips import leaves_out, strips_figure
 from socontrol.report.portrait import robot_figure
 from socontrol.report.units import fixed, readable
 
@@ -27,7 +29,7 @@ def draw(result, folder):
     folder, paths = Path(folder), []
     folder.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(style.STYLE):
-        for name, make in FIGURES.items():
+        for name, make in (PLAN_FIGURES if result.type == "trajectory" else FIGURES).items():
             figure = make(result)
             if figure is not None:
                 paths.append(folder / f"{name}.png")
@@ -345,4 +347,9 @@ FIGURES = {
     "coordinates": coordinates_figure,
     "energies": energies_figure,
     "histories": histories_figure,
+}
+PLAN_FIGURES = {
+    "strips": strips_figure,
+    "path": plan_path_figure,
+    "coordinates": lambda result: coordinates_figure(result) if leaves_out(result) else None,
 }

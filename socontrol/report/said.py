@@ -4,7 +4,7 @@ import textwrap
 
 from rich.text import Text
 
-from socontrol.report.columns import line, say
+from socontrol.report.columns import columns, line, say
 from socontrol.report.units import miss, number, quiet, readable
 
 TITLES = {"statics": "statics", "inverse_statics": "inverse statics", "fit": "fit to measurements"}
@@ -76,3 +76,22 @@ def discretisation(result, console, sought):
         tips = [name for name in tips_of(result) if name in changes] or list(changes)
         moved = ", ".join(f"{name} by {miss(changes[name], 'm')}" for name in tips)
         say(console, "sections", f"twice as many would move {moved}")
+
+
+def attempts(result, console, verbose):
+    """How many attempts it took where one was not enough; `verbose`: each of them."""
+    made = result.details.get("attempts", ())
+    if len(made) < 2:
+        return
+    solved = sum(_field(a, "outcome") == "solved" for a in made)
+    last = "" if "path.q" in result.arrays else f"; the last: {_field(made[-1], 'start')}"
+    say(console, "attempts", f"{len(made)}, of which {solved} solved their step{last}")
+    if verbose:
+        rows = [[_field(a, "start"), _field(a, "outcome"), str(_field(a, "iterations")), duration(_field(a, "seconds"))]
+                for a in made]  # fmt: skip
+        line(console, "")
+        columns(console, ["attempt", "outcome", "iterations>", "time>"], rows)
+
+
+def _field(attempt, key):
+    return attempt[key] if isinstance(attempt, dict) else getattr(attempt, key)

@@ -56,6 +56,7 @@ class Mark:
     size: float = 6.0
     face: str = "none"
     text: str = ""
+    layer: int = 10
 
 
 @dataclass
@@ -149,7 +150,7 @@ def paint(ax, scene, azimuth=-60.0, elevation=18.0, zoom=1.0):
             mfc=m.face,
             ms=m.size,
             mew=1.6,
-            zorder=10,
+            zorder=m.layer,
         )
     _dress(ax, scene)
 
@@ -286,7 +287,7 @@ def project(ax, scene, plane):
             ax.plot(x, y, s.style, color=colour, lw=0.8 * width, zorder=layer)
     for m in scene.marks:
         x, y = (m.point / scene.unit[0])[[i, j]]
-        ax.plot([x], [y], m.marker, color=m.colour, mfc=m.face, ms=0.85 * m.size, mew=1.4, zorder=10)
+        ax.plot([x], [y], m.marker, color=m.colour, mfc=m.face, ms=0.85 * m.size, mew=1.4, zorder=m.layer)
     ax.set(xlim=(lower[i], upper[i]), ylim=(lower[j], upper[j])[:: -1 if flip else 1])
     ax.set(xlabel=f"{AXES[i]} [{scene.unit[1]}]", ylabel=f"{AXES[j]} [{scene.unit[1]}]")
     ax.set_aspect("equal")

@@ -3,17 +3,19 @@
 import numpy as np
 from rich.text import Text
 
-from socontrol.report import fits, motion_text
+from socontrol.report import fits, motion_text, plan_text
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import input_values, inputs_table
-from socontrol.report.said import discretisation, duration, headline, in_units, segments_of, tips_of
+from socontrol.report.said import attempts, discretisation, headline, in_units, segments_of, tips_of
 from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
+
+MOVING = {"simulation": motion_text.render, "trajectory": plan_text.render}
 
 
 def render(result, console, verbose=0):
     """Print a result; `verbose` 1 adds lengths, energies, all frames and attempts, 2 the coordinates."""
-    if result.type == "simulation":
-        motion_text.render(result, console, verbose)
+    if result.type in MOVING:
+        MOVING[result.type](result, console, verbose)
         return
     headline(result, console)
     if result.details.get("fits"):
@@ -109,9 +111,7 @@ def _trust(result, console, verbose):
         say(console, "at limit", "none")
     if "discretisation" in details:
         discretisation(result, console, "equilibrium")
-    attempts = details.get("attempts", ())
-    if len(attempts) > 1:
-        _attempts(result, console, attempts, verbose)
+    attempts(result, console, verbose)
     if any(label in details for label in ("stability", "limits", "discretisation")) or "force" in residuals:
         line(console, "")
 
@@ -127,33 +127,6 @@ def _unit_of(result, limit):
     if limit["kind"] == "input":
         return next((unit for name, _, unit in input_values(result) if name == limit["name"]), "1")
     return "1" if result.question is None else result.question.robot.coordinate_units[limit["index"]]
-
-
-def _field(attempt, key):
-    return attempt[key] if isinstance(attempt, dict) else getattr(attempt, key)
-
-
-def _attempts(result, console, attempts, verbose):
-    solved = sum(_field(a, "outcome") == "solved" for a in attempts)
-    last = attempts[-1]
-    text = f"{len(attempts)}, of which {solved} solved their step"
-    say(
-        console,
-        "attempts",
-        text + (f"; the last: {_field(last, 'start')}" if "path.q" not in result.arrays else ""),
-    )
-    if verbose:
-        rows = [
-            [
-                _field(a, "start"),
-                _field(a, "outcome"),
-                str(_field(a, "iterations")),
-                duration(_field(a, "seconds")),
-            ]
-            for a in attempts
-        ]
-        line(console, "")
-        columns(console, ["attempt", "outcome", "iterations>", "time>"], rows)
 
 
 def _unreachable(result, console):
