@@ -53,7 +53,19 @@ MOTIONS = [
     "octopus_bend_propagation",
     "octopus_three_motors",
 ]
-DOCUMENTED = [*SHOWCASE, *MOTIONS, *(f"rows/{row}" for row in ROWS["lumped"] + ROWS["distributed"])]
+PLANS = [  # at their own meshes all are solved by `python tests/benchmarks/trajectories.py problems`
+    "cartpole_swing_up",
+    "double_pendulum_reach",
+    "finger_flick",
+    "hybrid_arm_pick",
+    "octopus_reach_dynamic",
+    "stiff_flop_sweep",
+    "swimmer_turn",
+    "tip_tracking_dynamic",
+]
+QUICK = ["cartpole_swing_up", "finger_flick"]  # plans that are solved here too
+DOCUMENTED = [*SHOWCASE, *MOTIONS, *PLANS, *(f"rows/{row}" for row in ROWS["lumped"] + ROWS["distributed"])]
+ANSWERED = [name for name in PROBLEMS if name not in PLANS or name in QUICK]
 UNITS = {"Pa": 1.0, "kPa": 1e3, "m": 1.0, "mm": 1e-3, "N": 1.0, "rad": 1.0, "deg": pi / 180}
 
 
@@ -81,7 +93,7 @@ def test_problems_are_those_of_the_list():
     assert sorted(PROBLEMS) == sorted(DOCUMENTED)
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", ANSWERED)
 def test_a_problem_gives_what_it_expects(name):
     expect, result = plain(PROBLEMS[name])["expect"], solved(name)
     assert result.status.exit_code == expect.pop("exit", 0), result.status.message
@@ -103,7 +115,7 @@ def test_a_problem_rests_on_more_than_an_earlier_run(name):
     assert any(not source.startswith("regression") for source in sources)
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ("stiff_flop_measured", *MOTIONS)])
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ("stiff_flop_measured", *MOTIONS, *PLANS)])
 def test_an_answer_is_stable_within_limits_and_fine_enough(name):
     result = solved(name)
     question, u = result.question, result.arrays.get("path.u", result.arrays["u"])

@@ -47,7 +47,9 @@ class Constraint:
 
 
 class Program:
-    """Collects declarations; `functions` turns them into what a solver needs."""
+    """Collects declarations; `functions` turns them into what a solver needs. preferred: options of Ipopt."""
+
+    preferred = {}
 
     def __init__(self, symbol=ca.MX.sym):
         self._sym = symbol

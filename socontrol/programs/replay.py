@@ -18,7 +18,7 @@ MARGIN, LOOSEST, TIGHTEST = 0.03, 1e-5, 1e-9  # tolerance of the simulation: of 
 STEPS = 1000  # of the simulation for each interval: more are a motion that runs away
 UNSTABLE = 10.0  # times the way off of a body that coasts: more is worth a sentence
 COARSE = 0.05  # of the speed: an interval that errs by more does not resolve what moves there
-HIGH = 5  # order of a scheme that is high enough to want more points rather than another scheme
+HIGH = 5  # order of the default scheme: what is below had better change to it
 MOST_MORE = 10  # times as many intervals; beyond, a higher order is the better advice
 LITTLE = 0.01  # of the robot's length: what moves an end less is no range of a coordinate
 
@@ -162,6 +162,7 @@ def _note(question, curve, errors, found, off):
     told = f"Simulated again under its own inputs, {where} at t = {off.time:.4g} s"
     if not found.status.solved:
         told = f"{told}, and {found.t[-1]:.4g} s is as far as the simulation gets"
+        told += f". {found.status.message[:-1]}" if found.status.outcome == "numerical" else ""
     elif off.share <= tolerance:
         return None
     else:
@@ -182,7 +183,8 @@ def _reasons(question, errors):
 
 def _advice(question, curve, errors, off):
     count = _needed(question, curve, errors, off)
-    higher = "more `points`" if order(curve.scheme) >= HIGH else "`scheme: radau`"
+    low = curve.scheme.shared and order(curve.scheme) < HIGH
+    higher = "`scheme: radau`" if low else "more `points`"
     if len(curve.shares) < count <= MOST_MORE * len(curve.shares):
         return f"Set `intervals` of the mesh to about {count}, or take {higher}."
     return f"Take more `intervals` in the mesh, and {higher}."

@@ -46,7 +46,7 @@ class Ipopt:
     def plugin(self, made, program):
         """Name and options of CasADi's plugin for a program and its Functions `made`."""
         return "ipopt", {
-            "ipopt": self._options(),
+            "ipopt": {**self._options(), **program.preferred, **(self.options or {})},
             "print_time": False,
             "calc_lam_p": False,
             "no_nlp_grad": True,  # for calc_lam_p only, and machine code has no derivatives of its own
@@ -56,7 +56,7 @@ class Ipopt:
         }
 
     def _options(self):
-        own = {
+        return {
             "tol": self.tolerance,
             "constr_viol_tol": self.tolerance,
             "dual_inf_tol": 1e-6,
@@ -72,7 +72,6 @@ class Ipopt:
             "sb": "yes",
             "print_level": 5 if self.keep_log else 0,
         }
-        return {**own, **(self.options or {})}
 
     @staticmethod
     def said(stats):

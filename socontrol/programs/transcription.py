@@ -81,44 +81,62 @@ class Transcription:
         return self.shares.size
 
     def _place(self):
-        """self.node[letter] [N+1 x size], self.point[letter] [N x s x size]: places in x."""
+        """self.node[letter] [N+1 x size], self.point[letter] [N x s x size] and others: places in x, stage by stage.
+
+        Every stage is laid out alike: what its node holds, then its interval; the last has a node alone.
+        """
+        self._slots, self._stage = {}, 0
         held = ["q", "v", *(["a"] if self.scheme.shared else []), *(["u"] if self.continuous else [])]
         held += ["T"] if self.span.free else []
-        self.node = {letter: [] for letter in held}
-        self.point = {letter: [] for letter in "qvau"}
-        self.halfway, self.lead = [], []
-        for k in range(self.N + 1):
-            for letter in held:
-                self.node[letter].append(self._block(letter))
-            if k == self.N:
-                break
+        for letter in held:
+            self._slot(("node", letter), letter)
+        self._held = self._stage
+        last = self.scheme.size - 1
+        for i in range(self.scheme.size):
             for letter in "qvau":
-                self.point[letter].append([self._point(letter, k, i) for i in range(self.scheme.size)])
-            self.halfway.append([self._block("q") for _ in self._fractions])
-            if self.inputs == "linear":
-                self.lead.append(self.node["u"][k] if self.continuous else self._block("u"))
-        self.lead = np.array(self.lead, dtype=int).reshape(-1, self.system.m)
-        self.halfway = np.array(self.halfway, dtype=int).reshape(self.N, self._fractions.size, self.system.n)
-        self.node = {letter: np.array(rows) for letter, rows in self.node.items()}
+                first, following = self.scheme.shared and i == 0, i == last and letter in held and not self.staged
+                if not first and not following:
+                    self._slot(("point", letter, i), letter)
+        for i in range(self._fractions.size):
+            self._slot(("halfway", i), "q")
+        if self.inputs == "linear" and not self.continuous:
+            self._slot(("lead",), "u")
+        self._allocate()
+        self._name(held)
+
+    def _slot(self, key, letter):
+        self._slots[key] = self._stage, letter
+        self._stage += self.scales[letter].size
+
+    def _allocate(self):
+        scale = np.concatenate([self.scales[letter] for _, letter in self._slots.values()])
+        count = self.N * self._stage + self._held
+        self.program.block(count, scale=np.resize(scale, count))
+
+    def _places(self, key, stages):
+        start, letter = self._slots[key]
+        return np.arange(stages)[:, None] * self._stage + start + np.arange(self.scales[letter].size)
+
+    def _name(self, held):
+        self.node = {letter: self._places(("node", letter), self.N + 1) for letter in held}
         self.program.states = np.hstack(list(self.node.values()))
-        for letter, rows in self.point.items():
-            at = [[self.node[letter][k + 1] if block is None else block for block in row] for k, row in enumerate(rows)]
-            self.point[letter] = np.array(at).reshape(self.N, self.scheme.size, -1)
-
-    def _point(self, letter, k, i):
-        """Place of an unknown at a point; None: that of the next node."""
-        if self.scheme.shared and i == 0:
-            return self.node[letter][k]
-        if i == self.scheme.size - 1 and letter in self.node and not self.staged:
-            return None
-        return self._block(letter)
-
-    def _block(self, letter):
-        size = {"u": self.system.m, "T": 1}.get(letter, self.system.n)
-        if letter == "T":
-            span = self.span
-            return self.program.block(1, scale=span.guess, lower=span.shortest, upper=span.longest, guess=span.guess)
-        return self.program.block(size, scale=self.scales[letter])
+        if self.span.free:
+            span, places = self.span, self.node["T"]
+            self.program.guess[places] = span.guess
+            self.hold("T", places, span.shortest, span.longest)
+        self.point = {}
+        for letter in "qvau":
+            rows = []
+            for i in range(self.scheme.size):
+                key, following = ("point", letter, i), not (self.scheme.shared and i == 0)
+                own = key in self._slots
+                rows.append(self._places(key, self.N) if own else self.node[letter][following:][: self.N])
+            self.point[letter] = np.stack(rows, axis=1)
+        halves = [self._places(("halfway", i), self.N) for i in range(self._fractions.size)]
+        self.halfway = np.stack(halves, axis=1) if halves else np.zeros((self.N, 0, self.system.n), dtype=int)
+        self.lead = np.zeros((0, self.system.m), dtype=int)
+        if self.inputs == "linear":
+            self.lead = self.node["u"][:-1] if self.continuous else self._places(("lead",), self.N)
 
     def duration_at(self, nodes):
         """{letter: places} of the duration for parts at nodes: nothing where it is fixed."""

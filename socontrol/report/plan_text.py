@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from rich.text import Text
 
+from socontrol.programs.plan_answer import PENETRATION
 from socontrol.programs.result import Value
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import inputs_table
@@ -142,7 +143,8 @@ def _obstacles(result, console):
     for x in (x for x in quantities(result) if x.title == "clearance"):
         for k, name in enumerate(x.names):
             least, asked = int(np.argmin(x.values[:, k])), x.lower[k]
-            value, near = float(x.values[least, k]), NEAR * x.room(k)
+            value = float(x.values[least, k])
+            near = max(NEAR * x.room(k), PENETRATION * result.question.loaded.length)
             state = "too close" if value < asked - near else "on its clearance" if value < asked + near else ""
             shown = f"{'-' * (value < 0)}{miss(abs(value), 'm')}"
             rows.append([(name, "bold"), shown, told(asked, "m"), f"{number(t[least], 3)} s",
@@ -228,6 +230,12 @@ def _trust(result, console):
 
 def _mesh(result, console, tolerance):
     values = result.values
+    halved = result.details.get("halved")
+    if halved is not None:
+        change = halved["cost_change"]
+        share = None if change is None else _percent(change / max(abs(result["cost"]), 1e-300))
+        known = f"change the cost by {share}" if share else "do not lead to a plan: what the mesh costs is unknown"
+        say(console, "cost", f"half the intervals, {halved['intervals']}, {known}")
     if "mesh.needed" not in values or not np.isfinite(result["mesh.needed"]):
         return
     have, need = int(result["mesh.intervals"]), int(result["mesh.needed"])
