@@ -12,7 +12,6 @@ from scipy.sparse.linalg import spsolve
 
 from socontrol.programs.planned import Planned
 from socontrol.programs.schemes import scheme, slopes, through
-from socontrol.programs.signals import sampled
 from socontrol.programs.transcription import Span, System, Transcription
 
 KINDS = [*(("radau", s) for s in (1, 2, 3, 4, 5)), *(("lobatto", s) for s in (2, 3, 4, 5))]
@@ -240,16 +239,3 @@ def test_the_points_of_a_plan_have_the_accelerations_and_inputs_it_was_made_of(n
     times = [start + length * c for start, length in zip(plan.nodes, np.diff(plan.nodes), strict=False)
              for c in plan.scheme.c]  # fmt: skip
     np.testing.assert_allclose(plan.points, times, atol=1e-14)
-
-
-@pytest.mark.parametrize(("name", "points", "inputs", "continuous"), PLANS)
-def test_histories_of_inputs_are_the_inputs_of_the_plan(name, points, inputs, continuous):
-    plan = planned(name, points, inputs, continuous)
-    histories = plan.histories()
-    function = sampled(histories, 1)
-    times = np.setdiff1d(np.linspace(0.0, plan.duration, 57), plan.nodes[1:-1])
-    found = [np.array(values) for values in zip(*(function(t) for t in times), strict=True)]
-    _, _, _, u, ud = plan.at(times)
-    np.testing.assert_allclose(found[0][..., 0], u, atol=1e-11)
-    np.testing.assert_allclose(found[1][..., 0], ud, atol=1e-10)
-    assert all(history.breaks == tuple(plan.nodes[1:-1]) for history in histories)

@@ -143,6 +143,11 @@ class Robot:
     def input_units(self):
         return tuple(unit for _, unit, _, _ in self._inputs)
 
+    @property
+    def length_units(self):
+        """Of what `actuator_lengths` gives: m of lines and slides, rad of turns."""
+        return tuple("rad" if unit == "N m" else "m" for unit in self.input_units)
+
     @cached_property
     def input_limits(self):
         """(lower, upper) of each input, infinite where none is given."""

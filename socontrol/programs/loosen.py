@@ -2,17 +2,17 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from socontrol.programs.plan_guess import FINE, Course
+from socontrol.programs.plan_answer import SPEEDS, faster
 from socontrol.programs.planner import Planner
 from socontrol.programs.solver import NLP, Ipopt
 
 GIVEN_WAY = 1e-5  # of a limit's size: less is rounding
 
 
-def loosened(question, start, curve, progress=None):
+def loosened(question, start, courses, progress=None):
     """(rows, curve, outcome): what gives way, most first, and the motion then; rows None where that fails as well.
+
+    Searched from each of the `courses`; the least that gives way counts.
 
     Rows are {quantity, by, unit, share, cost}: the limit, how far it moves, that over its size, and what that costs.
     """
@@ -20,16 +20,18 @@ def loosened(question, start, curve, progress=None):
     question = replace(question, solver=replace(settings, hessian="exact"))
     planner = Planner(question, start, loose=True)
     nlp = NLP(planner.program, question.solver, question.loaded.compiled, progress)
-    shares = np.linspace(0.0, 1.0, FINE + 1)
-    q, _, _, u, _ = curve.at(shares * curve.duration)
-    outcome = nlp.solve(Course(shares, q, u, curve.duration).fill(planner.transcription))
+    outcomes = [nlp.solve(course.fill(planner.transcription)) for course in courses]
+    outcome = min(outcomes, key=lambda one: (not one.status.solved, one.cost))
     if not outcome.status.solved:
         return None, None, outcome
     found = planner.transcription.planned(outcome.values)
     rows = []
     for limit in planner.loose:
         by = float(outcome.values[limit.place])
-        if by > GIVEN_WAY * limit.size:
-            rows.append({"quantity": limit.name, "by": by, "unit": limit.unit, "share": by / limit.size,
-                         "cost": limit.cost * by / limit.size})  # fmt: skip
+        share, unit = by / limit.size, limit.unit
+        if limit.name.startswith(SPEEDS):
+            by, unit = faster(question, limit.name, by), "m/s"
+        if share > GIVEN_WAY:
+            row = {"quantity": limit.name, "by": float(by), "unit": unit, "share": float(share)}
+            rows.append({**row, "cost": float(limit.cost * share)})
     return sorted(rows, key=lambda row: -row["cost"]), found, outcome

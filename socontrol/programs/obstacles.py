@@ -13,7 +13,7 @@ radius R sinks in between two balls of radius r, a distance h apart, by at most 
 
 import re
 from dataclasses import dataclass, replace
-from math import ceil, hypot
+from math import ceil, hypot, inf
 from typing import Annotated, Any
 
 import casadi as ca
@@ -41,6 +41,7 @@ from socontrol.units import LONGEST, QUANTITY
 
 ROUND = 0.01  # radius of a rounding over that of what is round: errors are of second order, ROUND^2
 SHARP = 6e-5  # the same over the smallest side of a box, whose edges it moves by up to 1.5 SHARP
+MOST = 200  # intervals of a section or rigid segment for the sake of a small obstacle
 SMALLEST = 1e-9  # m, of a size: squares of roundings stay far from underflow
 
 
@@ -76,6 +77,11 @@ class Sphere:
     def __post_init__(self):
         _refuse_speck("radius", self.radius)
 
+    @property
+    def reach(self):
+        """How far apart places of a thin body may be looked at [m]."""
+        return self.radius
+
     def distance(self, p):
         """Signed distance [1 x k, m] of points p [3 x k]."""
         return _ball(p - ca.vertcat(*self.center), self.radius)
@@ -96,6 +102,11 @@ class Capsule:
 
     def __post_init__(self):
         _refuse_speck("radius", self.radius)
+
+    @property
+    def reach(self):
+        """How far apart places of a thin body may be looked at [m]."""
+        return self.radius
 
     def distance(self, p):
         """Signed distance [1 x k, m] of points p [3 x k], from a point of the line next to the nearest one."""
@@ -125,6 +136,11 @@ class Box:
         for k, side in enumerate(self.size):
             _refuse_speck(f"size.{k}", side)
 
+    @property
+    def reach(self):
+        """How far apart places of a thin body may be looked at [m]: less than that of its edges is not seen."""
+        return min(self.size) / 2
+
     def distance(self, p):
         """Signed distance [1 x k, m] of points p [3 x k]: |max(past, 0)| + min(max(past), 0), past [3] the faces."""
         half, w = ca.vertcat(*self.size) / 2, SHARP * min(self.size)
@@ -146,6 +162,11 @@ class HalfSpace:
     def __post_init__(self):
         if not any(is_symbolic(x) or x for x in self.normal):
             raise Bad("normal", "all numbers are zero; give the direction out of the obstacle, e.g. [0, 0, 1]")
+
+    @property
+    def reach(self):
+        """How far apart places of a thin body may be looked at [m]: it has no edge."""
+        return inf
 
     def distance(self, p):
         """Signed distance [1 x k, m] of points p [3 x k]."""
@@ -211,42 +232,48 @@ class Station:
         return f"{self.segment} at {self.X:.4g}"
 
 
-def stations(robot, per_section=3):
+def moving(robot, per_section, obstacle):
+    """The stations that can come near an obstacle: those that move, near enough together for its size."""
+    return [station for station in stations(robot, per_section, obstacle.reach) if not station.held]
+
+
+def stations(robot, per_section=3, reach=inf):
     """Stations along every rod, ends and section boundaries among them, and along every rigid segment.
 
     At least `per_section` intervals a section or rigid segment, none wider than the larger of 3 radii and a tenth of
-    the robot, over `per_section`. Rigid segments have no thickness, those without a tip are one point; of stations in
-    one place the thickest is kept. What stands between a segment and its placed child is not looked at.
+    the robot, over `per_section`, nor than the body's radius and an obstacle's `reach` [m] together. Rigid segments
+    have no thickness, those without a tip are one point; of stations in one place the thickest is kept. What stands
+    between a segment and its placed child is not looked at.
     """
     rows = []
     for name, segment in robot.tree.segments.items():
         if isinstance(segment, Rod):
-            rows += _rod_stations(robot, name, segment, per_section)
+            rows += _rod_stations(robot, name, segment, per_section, reach)
         else:
-            rows += _link_stations(robot, name, per_section)
+            rows += _link_stations(robot, name, per_section, reach)
     return _apart(robot, rows)
 
 
-def _rod_stations(robot, name, rod, per_section):
+def _rod_stations(robot, name, rod, per_section, reach):
     bounds, X = rod.boundaries(), [0.0]
     for a, b in zip(bounds, bounds[1:], strict=False):
         slimmest = min(outer_radius(section_at(rod.cross_section, x)) for x in (a, b))
-        count = _intervals(robot, (b - a) * float(rod.length), slimmest, per_section)
+        count = _intervals(robot, (b - a) * float(rod.length), slimmest, per_section, reach)
         X += [a + (b - a) * k / count for k in range(1, count)] + [b]
     return [Station(name, x, outer_radius(section_at(rod.cross_section, x))) for x in X]
 
 
-def _link_stations(robot, name, per_section):
+def _link_stations(robot, name, per_section, reach):
     tip = np.array(ca.DM(robot.tree.pieces[robot.tree.of[name][0]].end))[:3, 3]
     if not np.any(tip):
         return [Station(name, 1.0, 0.0)]
-    count = _intervals(robot, np.linalg.norm(tip), 0.0, per_section)
+    count = _intervals(robot, np.linalg.norm(tip), 0.0, per_section, reach)
     return [Station(name, k / count, 0.0) for k in range(count + 1)]
 
 
-def _intervals(robot, length, radius, per_section):
+def _intervals(robot, length, radius, per_section, reach):
     """Number of intervals on a length of body."""
-    widest = max(3 * radius, robot.length / 10) / per_section
+    widest = min(max(3 * radius, robot.length / 10) / per_section, max(radius + reach, length / MOST))
     return max(per_section, ceil(length / widest - 1e-9))
 
 

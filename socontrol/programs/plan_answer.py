@@ -9,15 +9,17 @@ from socontrol.mechanics.kinematics import Kinematics
 from socontrol.native.buffers import Buffered
 from socontrol.programs.goals import goal_miss
 from socontrol.programs.motion_answer import ends
-from socontrol.programs.obstacles import clearances, stations
+from socontrol.programs.obstacles import clearances, moving
 from socontrol.programs.planned import Planned
 from socontrol.programs.replay import look
 from socontrol.programs.result import Result, Status, Value
 from socontrol.programs.schemes import scheme
 
 PENETRATION = 1e-3  # of the robot's length between the instants that were held clear: more rejects a plan
+SPEEDS = "limits.speeds."
 MET = 1e-6  # of a goal's scale
 FORCES = {"rad": "N m", "m": "N", "1/m": "N m^2", "1": "N m"}  # conjugate to a coordinate's unit
+FINE = 10  # instants of an interval at which a plan is looked at
 WORST = 5  # quantities that are named
 PER_SECTION = 8  # stations of a section that are looked at afterwards
 
@@ -41,12 +43,20 @@ def answered(question, planner, outcome, attempts, build_seconds):
     for letter, rows in planner.transcription.at_all_points(outcome.values).items():
         arrays[f"point.{letter}"] = rows
     arrays |= {f"clearance.{name}": rows for name, rows in cleared(question, arrays["q"]).items()}
+    fine = _finely(question, planner, curve)
     result = replace(
-        result, arrays=arrays, values=_values(question, planner, curve, found, arrays),
-        residuals=_residuals(question, planner, found, curve),
+        result, arrays=arrays, values=_values(question, planner, curve, found, arrays, fine),
+        residuals=_residuals(question, planner, found, curve, outcome.x),
         details={**details, "stop": curve.duration, "worst": worst(planner, found, curve)},
     )  # fmt: skip
     return _checked(question, curve, planner, result) if result.status.solved else result
+
+
+def _finely(question, planner, curve):
+    """q, qd, u and clearances at instants that do not depend on what is stored."""
+    t = np.union1d(np.linspace(0.0, curve.duration, FINE * len(curve.shares) + 1), curve.points)
+    q, v, _, u, _ = curve.at(t)
+    return {"q": q, "qd": v, "u": u, **{f"clearance.{name}": rows for name, rows in cleared(question, q).items()}}
 
 
 def sampled(question, curve, times, functions=None):
@@ -65,7 +75,7 @@ def curve_of(result):
     form = scheme(question.mesh.scheme, question.mesh.points)
     a = arrays["point.qdd"].reshape(len(arrays["node.t"]) - 1, form.size, -1)
     return Planned(form, float(arrays["node.t"][-1]), question.shares, arrays["node.q"], arrays["node.qd"], a,
-                   arrays["knot.u"], form.knots(question.mesh.inputs, question.continuous))  # fmt: skip
+                   arrays["knot.u"], form.knots(question.input_shape, question.continuous))  # fmt: skip
 
 
 def resampled(result, times):
@@ -76,8 +86,10 @@ def resampled(result, times):
 def cleared(question, q):
     """{obstacle: least distance [K, m] of the robot's surface from it} at rows of q."""
     robot, found = question.loaded, {}
-    looked = [station for station in stations(robot, PER_SECTION) if not station.held]
     for name, obstacle in (question.obstacles or {}).items():
+        looked = moving(robot, PER_SECTION, obstacle)
+        if not looked:
+            continue
         x = ca.SX.sym("q", robot.n)
         rows = ca.mmin(clearances(robot, Kinematics(robot.tree, x), obstacle, looked))
         run = Buffered(ca.Function("clearance", [x], [rows]))
@@ -85,7 +97,7 @@ def cleared(question, q):
     return found
 
 
-def _values(question, planner, curve, found, arrays):
+def _values(question, planner, curve, found, arrays, fine):
     robot, values = question.loaded, {"duration": Value(curve.duration, "s")}
     costs = {part.name: cost for part, cost, _ in found if part.name.startswith(("costs.", "end.goals", "waypoints."))}
     values["cost"] = Value(float(sum(costs.values())), "1")
@@ -100,12 +112,12 @@ def _values(question, planner, curve, found, arrays):
                 last = Value(float(arrays["q"][-1, i]), robot.coordinate_units[i])
                 values[f"coordinates.{robot.coordinates[i]}"] = last
     for i, name in enumerate(robot.inputs):
-        largest = arrays["u"][np.argmax(np.abs(arrays["u"][:, i])), i]
+        largest = fine["u"][np.argmax(np.abs(fine["u"][:, i])), i]
         values[f"inputs.{name}.largest"] = Value(float(largest), robot.input_units[i])
-    for name in question.obstacles or {}:
-        values[f"clearance.{name}"] = Value(float(np.min(arrays[f"clearance.{name}"])), "m")
+    for name in (name for name in question.obstacles or {} if f"clearance.{name}" in fine):
+        values[f"clearance.{name}"] = Value(float(np.min(fine[f"clearance.{name}"])), "m")
     for name, speed in (question.limits.speeds or {}).items():
-        values[f"speed.{name}"] = Value(_fastest(planner.functions, speed, arrays), "m/s")
+        values[f"speed.{name}"] = Value(_fastest(planner.functions, speed, fine), "m/s")
     values["mesh.intervals"] = Value(len(curve.shares), "1")
     return values
 
@@ -116,9 +128,10 @@ def _fastest(functions, speed, arrays):
     return float(max(np.linalg.norm(J(q)[0][:, 3:].T @ v) for q, v in rows))  # buffers hold columns
 
 
-def _residuals(question, planner, found, curve):
+def _residuals(question, planner, found, curve, x):
     """Largest scaled misses of the equation of motion, of the defects and of limits; goals in SI."""
-    rows = {"equation": 0.0, "defects": 0.0, "limits": 0.0}
+    lower, upper = planner.program.bounds()
+    rows = {"equation": 0.0, "defects": 0.0, "limits": float(np.max(np.maximum(lower - x, x - upper), initial=0.0))}
     for part, _, g in found:
         if not part.size:
             continue
@@ -149,8 +162,11 @@ def worst(planner, found, curve):
         if miss[i, k] > MET:
             node = int(part.when[i])
             name, unit = _named(planner.question, part, int(k))
-            rows.append((miss[i, k], {"quantity": name, "node": node, "time": float(curve.nodes[node]),
-                                      "excess": float(miss[i, k] * part.scale[k]), "unit": unit}))  # fmt: skip
+            excess = float(miss[i, k] * part.scale[k])
+            if name.startswith(SPEEDS):
+                excess, unit = faster(planner.question, name, excess), "m/s"
+            row = {"quantity": name, "node": node, "time": float(curve.nodes[node]), "excess": excess, "unit": unit}
+            rows.append((miss[i, k], row))
     return [row for _, row in sorted(rows, key=lambda pair: -pair[0])[:WORST]]
 
 
@@ -167,17 +183,26 @@ def _named(question, part, row):
     return part.name, part.units[row]
 
 
+def faster(question, name, ratio):
+    """m/s by which a limit of speed `name` is passed, from what its squared ratio to the limit is above 1."""
+    largest = question.limits.speeds[name.removeprefix(SPEEDS)].largest
+    return largest * (np.sqrt(1 + ratio) - 1)
+
+
 def _checked(question, curve, planner, result):
     """The result after an independent look: it is rejected where the replay or an obstacle says so."""
     arrays, values, note = look(question, curve, planner, result.arrays)
     result = replace(result, arrays={**result.arrays, **arrays}, values={**result.values, **values})
     for name, obstacle in (question.obstacles or {}).items():
+        if f"clearance.{name}" not in result.values:
+            continue
         short = obstacle.clearance - result.values[f"clearance.{name}"].value
         if short > PENETRATION * question.loaded.length:
             told = f"Between the points the robot comes {short * 1e3:.2g} mm too near to '{name}'"
             note = note or Status("rejected", f"{told}; take more intervals.")
     misses = [n for n, goal in (question.end.goals or {}).items() if goal.weight is not None]
     if note is None and misses:
-        told = ", ".join(f"{n} missed by {result.residuals[f'goals.{n}'].value:.3g}" for n in misses)
+        rows = {n: result.residuals[f"goals.{n}"] for n in misses}
+        told = ", ".join(f"{n} missed by {row.value:.3g} {row.unit}" for n, row in rows.items())
         return replace(result, status=Status("solved", f"Solved; weighted goal {told}."))
     return result if note is None else replace(result, status=note)

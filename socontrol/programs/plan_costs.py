@@ -46,8 +46,6 @@ class Time:
 
     def add(self, name, plan):
         weight = self.weight
-        if not plan.transcription.span.free:
-            raise Bad(f"costs.{name}", "the duration is given; let it be free: `duration: {shortest, longest}`")
         plan.transcription.at_node(name, -1, lambda T: {"cost": weight * T}, letters="T")
 
 
@@ -145,12 +143,9 @@ class Tracking:
     def add(self, name, plan):
         robot, transcription = plan.robot, plan.transcription
         frame, weight, length = locate(robot, self), self.weight, robot.length
-        if self.times is not None and transcription.span.free:
-            raise Bad(f"costs.{name}.times", "the duration is free; give a `circle`, or a duration")
-
         def squares(q, v, a, u, T, data):
             away = se3.position(plan.kinematics(q).frame_pose(frame)) - data[:3]
-            return {"squares": ca.sqrt(weight * data[3] * T * data[4]) * away / length}
+            return {"squares": ca.sqrt(weight * T * data[4]) * data[3] * away / length}
 
         shares = np.concatenate([[0.0], np.cumsum(transcription.shares)[:-1]])
         shares = (shares[:, None] + transcription.shares[:, None] * transcription.scheme.c).ravel()

@@ -119,7 +119,8 @@ class Guesses:
     def _through(self, straight=False):
         """Equilibria between the moments, at rest-to-rest pace from moment to moment."""
         question, shares = self.question, np.concatenate([[0.0], np.cumsum(self.question.shares)])
-        stops = [(0.0, self.start[0], self._rest_inputs() if self.start[2] is None else self.start[2])]
+        u = self.start[2]
+        stops = [(0.0, self.start[0], np.where(np.isfinite(u), u, self._rest_inputs()))]
         for _, k, moment in question.moments:
             stops.append((shares[k], *self._posture(moment, *stops[-1][1:])))
         fine = np.linspace(0.0, 1.0, FINE + 1)
@@ -198,7 +199,7 @@ class Guesses:
 
 
 def settled(question):
-    """((q, v, u) at t = 0, None), or (None, status) where no rest shape is found."""
+    """((q, v, u) at t = 0, u NaN where it may be any, None), or (None, status) where no rest shape is found."""
     start = question.start
     lower, upper = question.input_limits()
     u = np.clip(np.zeros(question.robot.m), lower, upper)
@@ -209,7 +210,8 @@ def settled(question):
     if not start.is_settled:
         for i, value in question.rates(start.rates, "start.rates").items():
             v[i] = value
-        return (q, v, u if start.inputs else None), None
+        own = question.named("inputs", start.inputs, "start.inputs")
+        return (q, v, np.array([own.get(i, np.nan) for i in range(u.size)])), None
     balance = Balance(replace(question.loaded, compiled=False))
     held = question.named("coordinates", question.coordinates)
     answer = balance.solve(u, q, prescribed=held)

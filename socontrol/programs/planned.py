@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
 from socontrol.programs.schemes import Scheme, slopes, through
-from socontrol.programs.signals import History
 
 
 @dataclass(frozen=True)
@@ -51,23 +49,3 @@ class Planned:
         v = self.v[k] + h * np.einsum("ks,ksn->kn", scheme.rates(x), a)
         u, ud = (np.einsum("kp,kpm->km", rows(self.knots, x), self.u[k]) for rows in (through, slopes))
         return q, v, np.einsum("ks,ksn->kn", scheme.values(x), a), u, ud / h
-
-    def histories(self):
-        """History of each input, as a simulation takes them."""
-        nodes, knots = self.nodes, self.knots
-        powers = np.linalg.inv(np.vander(knots, increasing=True)).T
-        inverse_lengths, breaks = 1 / np.diff(nodes), tuple(nodes[1:-1])
-
-        def made(coefficients):
-            def value(t):
-                k = ca.low(nodes, t) if len(nodes) > 2 else ca.MX(0)
-                x = (t - ca.MX(nodes)[k]) * ca.MX(inverse_lengths)[k]
-                total = 0
-                for power in range(knots.size - 1, -1, -1):  # Horner
-                    total = total * x + ca.MX(coefficients[:, power])[k]
-                return total
-
-            return value
-
-        pace = float(np.min(np.diff(nodes)))
-        return [History(made(self.u[:, :, i] @ powers), breaks, pace=pace) for i in range(self.u.shape[2])]

@@ -13,16 +13,19 @@ from socontrol.mechanics.kinematics import Kinematics
 from socontrol.programs.charts import is_singular, turning
 from socontrol.programs.fatrop import Fatrop
 from socontrol.programs.goals import locate
-from socontrol.programs.obstacles import clearances, stations
+from socontrol.programs.obstacles import clearances, moving
+from socontrol.programs.posture import goal_rows
 from socontrol.programs.scaling import scales
 from socontrol.programs.schemes import scheme
 from socontrol.programs.transcription import Span, System, Transcription
+from socontrol.quantities import Bad
 
 CHART = 0.9 * 2 * np.pi  # |turn| of a joint whose coordinates are singular a full turn away
 # What giving way by a limit's own size costs: what stands around can be moved, what is asked for is the last to go.
 CHEAP, PLAIN, DEAR = 0.5, 1.0, 100.0
 STRETCH = 20.0  # durations at most, where the duration may give way
 TEMPO = 6.0  # a swing there and back in the whole duration has an angular rate of about this over the duration
+CALM = 1e-3  # root of the weight of accelerations where masses do not matter
 PER_SECTION = 2  # stations of a section that are held clear of obstacles
 
 
@@ -38,7 +41,7 @@ class Loose:
 
 
 class Planner:
-    """Expressions and program of one question. start: (q, v, u) at t = 0, u None where it may be any."""
+    """Expressions and program of one question. start: (q, v, u) at t = 0, u NaN where it may be any."""
 
     def __init__(self, question, start, *, loose=False):
         self.question, self.robot, self.start = question, question.loaded, start
@@ -51,7 +54,7 @@ class Planner:
         if loose:
             span = Span(span.guess, span.shortest, STRETCH * span.longest)
         self.transcription = Transcription(
-            self._system(), self.scheme, question.shares, span, inputs=question.mesh.inputs,
+            self._system(), self.scheme, question.shares, span, inputs=question.input_shape,
             continuous=question.continuous, staged=staged,
             hessian=hessian, tempo=span.guess / TEMPO if question.scaled else 1.0, halfway=bool(question.obstacles),
         )  # fmt: skip
@@ -63,6 +66,7 @@ class Planner:
         self._charts()
         self._obstacles()
         self._costs()
+        self._refuse_contradictions()
 
     @property
     def program(self):
@@ -101,7 +105,8 @@ class Planner:
                 ("inputs", "u", robot.inputs, robot.input_units, question.input_limits())]  # fmt: skip
         for key, letter, names, units, (lower, upper) in rows:
             for i in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)):
-                fixed = self._gives and key == "coordinates" and self.robot.joint_limits[i] == (-np.inf, np.inf)
+                own = names[i] in (getattr(question.bounds, key) or {})
+                fixed = key == "coordinates" and not own and self.robot.joint_limits[i] == (-np.inf, np.inf)
                 self._range(f"{key}.{names[i]}", units[i], letter, i, lower[i], upper[i], fixed)
         for i, (low, high) in rates.items():
             self._range(f"limits.rates.{robot.coordinates[i]}", f"{robot.coordinate_units[i]}/s", "v", i, low, high)
@@ -150,15 +155,15 @@ class Planner:
 
     def _lengths(self):
         robot = self.robot
-        found = self.question.limits.ranges("lengths", robot.inputs, ["m"] * robot.m)
+        found = self.question.limits.ranges("lengths", robot.inputs, robot.length_units)
         if not found:
             return
         lengths, indices = self.functions.actuator_lengths.function, list(found)
         places, when = self._instants()
         for i in indices:
             low, high = found[i]
-            self._rows(f"limits.lengths.{robot.inputs[i]}", "m", {"q": places}, lambda q, i=i: lengths(q)[i],
-                       low, high, robot.length, when)  # fmt: skip
+            name, one = f"limits.lengths.{robot.inputs[i]}", lambda q, i=i: lengths(q)[i]
+            self._rows(name, robot.length_units[i], {"q": places}, one, low, high, robot.length, when)
 
     def _instants(self):
         """Places [K x n] of q at all nodes and points, each once, and the intervals they belong to."""
@@ -203,8 +208,10 @@ class Planner:
         t.hold("q", t.node["q"][0], q, q)
         if not self.question.quasi_static:
             t.hold("v", t.node["v"][0], v, v)
-        if u is not None and "u" in t.node and self.question.continuous:
-            t.hold("u", t.node["u"][0], u, u)
+        first = t.node["u"][0] if t.continuous else t.lead[0] if t.lead.size else t.point["u"][0, 0]
+        for i, value in enumerate(u):
+            if np.isfinite(value) and (t.continuous or not self.question.start.is_settled):
+                t.hold("u", first[i], value, value)
         for name, k, moment in self.question.moments:
             self._passed(name, k, moment)
 
@@ -242,13 +249,11 @@ class Planner:
             return goal.miss(robot, self.kinematics(q), target)
 
         if goal.weight is not None:
-            weight = np.sqrt(goal.weight)
-            rows = lambda q: {"squares": weight * miss(q) / ca.DM(size)}  # noqa: E731
-            self.program.add(name, {"q": places}, rows)
+            if not self._gives:
+                self._wished(name, goal, places, when, size)
             return
         if self._gives:
-            unit = goal.units()[0]
-            for i in range(size.size):
+            for i, unit in enumerate(goal.units()):
                 self._rows(name, unit, {"q": places}, lambda q, i=i: miss(q)[i], 0.0, 0.0, float(size[i]), when, DEAR)
         else:
             rows = lambda q: {"rows": miss(q), "scale": size, "units": goal.units()}  # noqa: E731
@@ -256,6 +261,16 @@ class Planner:
         if hasattr(goal, "guard"):
             guard = lambda q: {"rows": goal.guard(robot, self.kinematics(q), target)}  # noqa: E731
             self.program.add(f"{name}.side", {"q": places}, guard, upper=np.inf, when=when)
+
+    def _wished(self, name, goal, places, when, size):
+        """Half the weighted square of how far a goal is away."""
+        robot, target, weight = self.robot, ca.DM(goal.numbers()), np.sqrt(goal.weight)
+
+        def squares(q):
+            apart = goal_rows(name, goal, "distance", robot, self.kinematics(q), target)
+            return {"squares": weight * apart / ca.DM(np.resize(size, apart.numel()))}
+
+        self.program.add(name, {"q": places}, squares, when=when)
 
     def _charts(self):
         """Joints in exponential coordinates stay well inside the turn where these are singular."""
@@ -271,23 +286,47 @@ class Planner:
         obstacles = self.question.obstacles or {}
         if not obstacles:
             return
-        looked = [station for station in stations(self.robot, PER_SECTION) if not station.held]
         t = self.transcription
         places, when = self._instants()
         between = t.halfway.reshape(-1, t.system.n)
         whens = np.repeat(np.arange(t.N), t.halfway.shape[1])
         places, when = np.vstack([places[1:], between]), np.concatenate([when[1:], whens])
         for name, obstacle in obstacles.items():
-            def clear(q, obstacle=obstacle):
+            looked = moving(self.robot, PER_SECTION, obstacle)
+            if not looked:
+                continue
+
+            def clear(q, obstacle=obstacle, looked=looked):
                 return clearances(self.robot, self.kinematics(q), obstacle, looked)
 
             self._rows(f"obstacles.{name}", "m", {"q": places}, clear, 0.0, np.inf, self.robot.length, when, CHEAP)
 
     def _costs(self):
+        t = self.transcription
+        if self.question.quasi_static:  # only q is determined at the points: the smoothest way between them
+            scale = ca.DM(t.scales["a"])
+            calm = lambda q, v, a, u, T, data: {"squares": CALM * ca.sqrt(T * data[-1]) * a / scale}  # noqa: E731
+            t.at_points("calm", calm, weights=True)
         if self._gives:
             return
         for name, cost in self.question.all_costs.items():
             cost.add(f"costs.{name}", self)
+
+
+    def _refuse_contradictions(self):
+        """Raise Bad where given values and limits leave nothing for an unknown."""
+        t, robot = self.transcription, self.robot
+        crossed = self.program.lower > self.program.upper + 1e-9 * np.abs(self.program.upper)
+        rows = (("q", robot.coordinates, "coordinate"), ("v", robot.coordinates, "rate of coordinate"),
+                ("u", robot.inputs, "input"))  # fmt: skip
+        for letter, names, what in rows:
+            places = t.places(letter)
+            k, i = (index[:1] for index in np.nonzero(crossed[places]))
+            if k.size:
+                at, name = places[k[0], i[0]], names[i[0]]
+                low, high = self.program.lower[at], self.program.upper[at]
+                told = f"{what} '{name}' has to be at least {low:.6g} and at most {high:.6g} (SI) at one time"
+                raise Bad("limits", f"{told}; what is given at start, waypoints or end contradicts a limit")
 
 
 def _size(low, high):

@@ -2,23 +2,46 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from socontrol.programs.inverse_statics import Attempt
 from socontrol.programs.loosen import loosened
-from socontrol.programs.plan_answer import answered
+from socontrol.programs.plan_answer import answered, cleared
 from socontrol.programs.plan_guess import FINE, Course, Guesses, settled
 from socontrol.programs.planner import Planner
+from socontrol.programs.plant import Plant
 from socontrol.programs.result import Result, Status, Value
+from socontrol.programs.signals import History
+from socontrol.programs.simulation import refuse_massless
 from socontrol.programs.solver import NLP
 
 
 def plan(question, progress=None):
     """Result of a trajectory question."""
     start, status = settled(question)
+    status = status or _refused(question, start[0])
     if status is not None:
         return Result(name=question.name, type="trajectory", status=status, question=question)
     return _Search(question, start, progress).result()
+
+
+def _refused(question, q):
+    """Status of a question whose start cannot be, or None; raises Bad where coordinates move no mass."""
+    robot, held = replace(question.loaded, compiled=False), question.named("coordinates", question.coordinates)
+    lower, upper = question.coordinate_limits()
+    for i in np.flatnonzero((q < lower - 1e-9) | (q > upper + 1e-9)):
+        told = f"{robot.coordinates[i]} is {q[i]:.4g} at the start, outside its limits [{lower[i]:.4g}, {upper[i]:.4g}]"
+        return Status("infeasible", f"{told}; begin elsewhere, or loosen them.")
+    for name, rows in cleared(question, q[None]).items():
+        short = question.obstacles[name].clearance - rows[0]
+        if short > 1e-9:
+            told = f"At the start the robot is {short * 1e3:.3g} mm too near to '{name}'"
+            return Status("infeasible", f"{told}; move one of the two.")
+    if not question.quasi_static:
+        fixed = {i: History(lambda t, value=value: ca.DM(value)) for i, value in held.items()}
+        refuse_massless(Plant(robot, [History(lambda t: ca.DM(0))] * robot.m, fixed, {}))
+    return None
 
 
 class _Search:
@@ -36,7 +59,8 @@ class _Search:
             self._loosen()
         result = answered(self.question, self.planner, self.best, self.attempts, self.nlp.build_seconds)
         result = replace(result, details={**result.details, **self.details})
-        return self._halved(result) if result.status.solved and self.question.mesh.halved else result
+        fine = self.question.mesh.intervals > max(len(self.question.moments), self._half)
+        return self._halved(result) if result.status.solved and self.question.mesh.halved and fine else result
 
     def _halved(self, result):
         """The result with the cost's change where the mesh has half the intervals: above what twice as many change."""
@@ -67,6 +91,7 @@ class _Search:
         question = self.question
         guesses = Guesses(question, self.start)
         first, given = guesses.first(), question.guess.times is not None
+        self.first = first
         self._tried("given motion" if given else "equilibria", first)
         if not self.best.status.solved and not given and self._goes_on:
             straight = guesses.straight()
@@ -83,14 +108,13 @@ class _Search:
     def _tried(self, label, course):
         outcome = self.nlp.solve(course.fill(self.planner.transcription))
         self.attempts.append(Attempt.of(label, outcome))
-        best = self.best
-        if best is None or (outcome.status.solved, -outcome.cost) > (best.status.solved, -best.cost):
+        if self.best is None or _quality(outcome) > _quality(self.best):
             self.best = outcome
 
     def _loosen(self):
         """Name what to loosen; where nothing has to give way, go on from the motion that shows it."""
         curve = self.planner.transcription.planned(self.best.values)
-        rows, found, outcome = loosened(self.question, self.start, curve, self.progress)
+        rows, found, outcome = loosened(self.question, self.start, [self.first, self._course(curve)], self.progress)
         self.attempts.append(Attempt.of("loosened", outcome))
         if rows is None:
             return
@@ -103,3 +127,10 @@ class _Search:
         sentence = f"No motion was found within the limits; {name} would have to {way} by {by}."
         self.details["loosen"] = rows
         self.best = replace(self.best, status=Status("infeasible", sentence))
+
+
+def _quality(outcome):
+    """What makes an outcome better: solved at less cost; else nearer to what was asked for."""
+    solved = outcome.status.solved
+    size = -outcome.cost if solved else -outcome.violation
+    return solved, size if np.isfinite(size) else -np.inf

@@ -15,6 +15,7 @@ from socontrol.programs.signals import History
 from socontrol.programs.simulation import displacement_weights
 
 MARGIN, LOOSEST, TIGHTEST = 0.03, 1e-5, 1e-9  # tolerance of the simulation: of the error of an interval; its limits
+UNBALANCED = 0.1  # of the largest force between the points of a motion without masses: more rejects it
 STEPS = 1000  # of the simulation for each interval: more are a motion that runs away
 UNSTABLE = 10.0  # times the way off of a body that coasts: more is worth a sentence
 COARSE = 0.05  # of the speed: an interval that errs by more does not resolve what moves there
@@ -123,7 +124,9 @@ def _looked(question, curve, functions, arrays):
     weights = displacement_weights(robot)
     when, share = between(question, curve, functions, weights)
     more, values = {"error.t": when, "error.share": share}, {"error.between": Value(float(np.max(share)), "1")}
-    if question.quasi_static or not question.replay.active or not question.free.any():
+    if question.quasi_static:
+        return more, values, _loose(float(np.max(share)))
+    if not question.replay.active or not question.free.any():
         return more, values, None
     plant = Driven.of(question, curve)
     errors = Finer(plant, curve, weights, positions(functions, robot)).errors()
@@ -142,6 +145,14 @@ def _looked(question, curve, functions, arrays):
         values |= {"replay.tip": Value(off.tip, "m"), "replay.tip_share": Value(off.share, "1"),
                    "replay.coordinates": Value(off.coordinates, "1")}  # fmt: skip
     return more, values, note
+
+
+def _loose(share):
+    """Status of a quasi-static plan that is no equilibrium between the points, or None."""
+    if share <= UNBALANCED:
+        return None
+    told = f"Between the points {share:.2g} of the largest force is not balanced: there it is no equilibrium"
+    return Status("rejected", f"{told}; take more intervals.")
 
 
 def _tolerance(errors):

@@ -105,3 +105,4 @@ SCHEMES = {
     "hermite_simpson": lambda points: _lobatto(3),
 }
 LEAST = {"radau": 1, "lobatto": 2}
+FIXED = {"trapezoidal": 2, "hermite_simpson": 3}

@@ -21,7 +21,8 @@ class Ipopt:
     """Settings of the interior-point solver. `options` go to Ipopt by their own names.
 
     starts: further random starts when the plain solve and the continuation fail; seed: of those starts.
-    hessian: of plans, exact or gauss_newton (of squared costs alone: cheaper to evaluate, never indefinite).
+    hessian: of plans, exact or gauss_newton (of squared costs alone: cheaper to evaluate, never indefinite; a cost of
+    time is no square).
     keep_log: the result carries Ipopt's own log (the command line always keeps it).
     """
 

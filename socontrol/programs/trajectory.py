@@ -17,13 +17,13 @@ from socontrol.programs.plan_costs import Effort, InputRate, PlanCost, Time
 from socontrol.programs.plan_guess import PlanGuess
 from socontrol.programs.planning import plan
 from socontrol.programs.question import Question, read
-from socontrol.programs.schemes import LEAST, MOST_POINTS
+from socontrol.programs.schemes import FIXED, LEAST, MOST_POINTS
 from socontrol.programs.solver import Ipopt
 from socontrol.programs.transcription import Span
 from socontrol.quantities import Bad, Count, Either, Flag, PositiveNumber, nearest, record
 
 MOST_INTERVALS = 5000
-MOST_SAMPLES = 100_000
+SAMPLES, MOST_SAMPLES = 200, 100_000
 RATE = 0.1  # weight of the rates of inputs beside their effort where no cost is asked for
 
 
@@ -45,6 +45,8 @@ class Mesh:
             raise Bad("intervals", f"{self.intervals} intervals; at most {MOST_INTERVALS}")
         if self.inputs == "constant" and self.scheme != "radau":
             raise Bad("inputs", f"'{self.scheme}' has points that belong to two intervals; use 'radau', or linear")
+        if self.scheme in FIXED and self.points not in (FIXED[self.scheme], 3):
+            raise Bad("points", f"'{self.scheme}' has {FIXED[self.scheme]}; leave this key out, or use lobatto")
         least = LEAST.get(self.scheme, 1)
         if not least <= self.points <= MOST_POINTS:
             raise Bad("points", f"{self.points} points; '{self.scheme}' has {least} to {MOST_POINTS}")
@@ -113,7 +115,7 @@ class Trajectory(Question):
         if not self.robot.m:
             raise Bad("robot", "the robot has no actuators, so nothing can be planned; add `actuators:` to its file")
         if self.continuous and self.mesh.inputs == "constant":
-            raise Bad("mesh.inputs", "inputs that are constant in an interval have no rates; use linear")
+            raise Bad("mesh.inputs", "constant inputs have no rates: use linear, or give `costs` without input_rate")
         self.moments  # noqa: B018  refuses what cannot be
         self._refuse_unknown()
         self._refuse_outside()
@@ -198,6 +200,12 @@ class Trajectory(Question):
         return self.costs or {"effort": Effort(), "rate": InputRate(weight=RATE)}
 
     @property
+    def input_shape(self):
+        """Of inputs in an interval; with one point that jump at nodes there is nothing a slope could come from."""
+        alone = self.mesh.scheme == "radau" and self.mesh.points == 1 and not self.continuous
+        return "constant" if self.mesh.inputs == "linear" and alone else self.mesh.inputs
+
+    @property
     def continuous(self):
         """Whether inputs have rates, so that they may not jump."""
         return bool(self.limits.input_rates) or any(cost.continuous for cost in self.all_costs.values())
@@ -211,8 +219,10 @@ class Trajectory(Question):
 
     def output_times(self, duration):
         """Times [K] of what is stored."""
-        count = 200 if self.outputs is None else int(np.ceil(duration / self.outputs.every * (1 - 1e-9)))
-        return np.linspace(0.0, duration, min(max(count, 1), MOST_SAMPLES) + 1)
+        if self.outputs is None:
+            return np.linspace(0.0, duration, SAMPLES + 1)
+        count = min(int(np.ceil(duration / self.outputs.every * (1 - 1e-9))), MOST_SAMPLES)
+        return np.minimum(np.arange(count + 1) * self.outputs.every, duration)
 
     def _refuse_unknown(self):
         """Raise Bad for names and places the robot does not have."""
@@ -233,21 +243,48 @@ class Trajectory(Question):
         for key, names, units in (("rates", robot.coordinates, robot.coordinate_units),
                                   ("input_rates", robot.inputs, robot.input_units)):  # fmt: skip
             self.limits.ranges(key, names, [f"{unit}/s" for unit in units])
-        self.limits.ranges("lengths", robot.inputs, ["m"] * robot.m)
+        if self.quasi_static:
+            for path, holder in [("start", self.start), *((path, moment) for path, _, moment in self.moments)]:
+                if holder.rates:
+                    raise Bad(f"{path}.rates", "a quasi-static motion has no rates of its own; leave them out")
+        for name, cost in self.all_costs.items():
+            times, stop = getattr(cost, "times", None), self.span.guess
+            if times and self.span.free:
+                raise Bad(f"costs.{name}.times", "the duration is free; give a `circle`, or a duration")
+            if times and not times[0] <= 0 <= stop <= times[-1] * (1 + 1e-9):
+                told = f"the table goes from {times[0]:g} to {times[-1]:g} s, the motion from 0 to {stop:g} s"
+                raise Bad(f"costs.{name}.times", told)
+        self.limits.ranges("lengths", robot.inputs, robot.length_units)
 
     def _refuse_outside(self):
         """Raise Bad for given values outside of their limits."""
         (low, high), (least, most) = self.coordinate_limits(), self.input_limits()
         rows = [("start", self.start), *((path, moment) for path, _, moment in self.moments), ("", self)]
         for path, holder in rows:
-            if path == "start" and self.start.is_settled:
-                continue
             for key, lower, upper in (("coordinates", low, high), ("inputs", least, most)):
+                if path == "start" and key == "coordinates" and self.start.is_settled:
+                    continue  # a guess
                 where = f"{path}.{key}".lstrip(".")
                 for i, value in self.named(key, getattr(holder, key), where).items():
                     if not lower[i] - 1e-9 <= value <= upper[i] + 1e-9:
                         name, between = getattr(self.robot, key)[i], f"[{lower[i]:g}, {upper[i]:g}] (SI)"
                         raise Bad(f"{where}.{name}", f"{value:g} is outside its limits {between}")
+
+        for path, holder in rows[:-1]:
+            for key in ("coordinates", "inputs"):
+                held = self.named(key, getattr(self, key))
+                for i, value in self.named(key, getattr(holder, key), f"{path}.{key}").items():
+                    if i in held and abs(value - held[i]) > 1e-9 * max(1.0, abs(value)):
+                        told = f"{value:g} is given, but `{key}` holds it at {held[i]:g} the whole time (SI)"
+                        raise Bad(f"{path}.{key}.{getattr(self.robot, key)[i]}", told)
+        units = [f"{unit}/s" for unit in self.robot.coordinate_units]
+        limits = self.limits.ranges("rates", self.robot.coordinates, units)
+        for path, holder in rows[:-1]:
+            for i, value in self.rates(holder.rates, f"{path}.rates").items():
+                lowest, highest = limits.get(i, (-np.inf, np.inf))
+                if not lowest - 1e-9 <= value <= highest + 1e-9:
+                    name = self.robot.coordinates[i]
+                    raise Bad(f"{path}.rates.{name}", f"{value:g} is outside its limits [{lowest:g}, {highest:g}] (SI)")
 
     def solve(self, progress=None):
         began = time.perf_counter()

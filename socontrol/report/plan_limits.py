@@ -38,7 +38,6 @@ def quantities(result):
     robot, u = question.robot, arrays["u"].reshape(len(arrays["t"]), -1)
     turns = tuple(f"{unit}/s" for unit in robot.coordinate_units)
     pulls = tuple(f"{unit}/s" for unit in robot.input_units)
-    along = tuple("rad" if unit == "N m" else "m" for unit in robot.input_units)
     replayed = [arrays.get(key) for key in ("replay.q", "replay.qd")]
     bounded, rates = question.coordinate_limits(), limits(question, "rates", robot.coordinates, turns)
     found = [
@@ -46,7 +45,7 @@ def quantities(result):
         Quantity("rate", robot.coordinates, turns, arrays["qd"], *rates, replayed[1]),
         Quantity("input", robot.inputs, robot.input_units, u, *question.input_limits()),
     ]
-    more = (("input rate", pulls, "ud", "input_rates"), ("length", along, "lengths", "lengths"))
+    more = (("input rate", pulls, "ud", "input_rates"), ("length", robot.length_units, "lengths", "lengths"))
     for title, units, array, key in more:
         if array in arrays:
             ends = limits(question, key, robot.inputs, units)
