@@ -4,6 +4,7 @@ Expectations are compared here by hand, not by the code of the command line. The
 are weighed again by `robots.Plain`, which shares no formula with the library.
 """
 
+from dataclasses import replace
 from functools import cache
 from math import pi
 from pathlib import Path
@@ -113,6 +114,28 @@ def test_a_problem_rests_on_more_than_an_earlier_run(name):
     sources = [e["source"] for key, e in expect.items() if key != "exit"]
     assert sources and all(sources)
     assert any(not source.startswith("regression") for source in sources)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_twice_the_intervals_change_the_cost_by_no_more_than_is_said(name):
+    result = solved(name)
+    mesh = replace(result.question.mesh, intervals=2 * result.question.mesh.intervals, halved=False)
+    finer = so.solve(replace(result.question, mesh=mesh)).require()
+    assert abs(finer["cost"] - result["cost"]) <= result["mesh.cost_change"]
+
+
+def test_a_plan_is_what_the_robot_does_under_the_table_of_its_inputs():
+    """In the simulation of another file, driven by what a plan stores for a controller; its inputs do not jump."""
+    result = solved("finger_flick")
+    robot, t = result.question.robot, result.arrays["t"]
+    columns = zip(robot.inputs, result.arrays["u"].T.tolist(), strict=True)
+    inputs = {key: {"type": "table", "times": t.tolist(), "values": values} for key, values in columns}
+    first = dict(zip(robot.coordinates, result.arrays["q"][0].tolist(), strict=True))
+    asked = {"type": "simulation", "robot": robot, "times": t[1:].tolist(), "inputs": inputs}
+    moved = so.solve(so.problem({**asked, "start": {"coordinates": first}})).require()
+    for segment in robot.segments:
+        gaps = moved.arrays[f"{segment}.position"] - result.arrays[f"{segment}.position"]
+        assert np.max(np.linalg.norm(gaps, axis=1)) < 1e-3 * robot.length
 
 
 @pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ("stiff_flop_measured", *MOTIONS, *PLANS)])

@@ -265,12 +265,19 @@ def test_a_replay_keeps_the_coordinates_of_the_plan_past_half_a_turn():
 # What is not replayed
 
 
-@pytest.mark.parametrize("excess, largest", [(3.0, 2 * 9.81 + 3.0), (-3.0, 2 * 9.81)])  # the input, the weight
+@pytest.mark.parametrize("excess, largest", [(1.0, 2 * 9.81 + 1.0), (-1.0, 2 * 9.81)])  # the input, the weight
 def test_equilibria_are_not_simulated_but_looked_at_between_the_nodes(excess, largest):
     asked = question(SLIDER, 1.0, {"mass": 1.0}, 4, quasi_static=True)
     arrays, values, note = looked(asked, by_hand(asked, 1.0, [0.0], [1.0], [1.0], [2 * 9.81 + excess]))
     assert note is None and set(arrays) == {"error.t", "error.share"} and set(values) == {"error.between"}
     assert values["error.between"].value == pytest.approx(3.0 / largest)
+
+
+def test_what_is_no_equilibrium_between_the_nodes_is_rejected():
+    asked = question(SLIDER, 1.0, {"mass": 1.0}, 4, quasi_static=True)
+    _, values, note = looked(asked, by_hand(asked, 1.0, [0.0], [1.0], [1.0], [2 * 9.81 + 3.0]))
+    assert values["error.between"].value == pytest.approx(3.0 / (2 * 9.81 + 3.0))
+    assert note.outcome == "rejected" and "more intervals" in note.message
 
 
 def test_a_replay_can_be_switched_off():

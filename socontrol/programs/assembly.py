@@ -44,7 +44,7 @@ class Assembly:
         f, g = ca.MX(0), []
         for one in self._made:
             cost, rows = one.values(self._x, self._p)
-            f, g = f + cost, [*g, ca.vec(rows)]
+            f, g = f + cost, [*g, ca.densify(ca.vec(rows))]
         return f, ca.vertcat(*g)[self._order.tolist()] if self._order.size else ca.MX(0, 1)
 
     def _gradient(self):
@@ -85,7 +85,7 @@ class Assembly:
 def values_of(part, p, name="values"):
     """Function of a part: cost and rows."""
     cost = part.cost + ca.sumsqr(part.squares) / 2 if part.squares.numel() else part.cost
-    return ca.Function(name, [part.local, part.data, p], [cost, part.rows])
+    return ca.Function(name, [part.local, part.data, p], [ca.densify(cost), ca.densify(part.rows)])
 
 
 class Derivatives:

@@ -32,12 +32,11 @@ class Fatrop:
             "fatrop": {**own, **(self.options or {})},
         }  # fmt: skip
 
-    @staticmethod
-    def said(stats):
+    def said(self, stats):
         """(outcome, sentence) of the solver's own statistics."""
         if stats["success"]:
             return "solved", "Solved."
-        if stats["unified_return_status"] == "SOLVER_RET_LIMITED":
+        if stats["unified_return_status"] == "SOLVER_RET_LIMITED" or stats["iter_count"] >= self.max_iterations:
             return "limit", "The iteration limit was reached; raise `max_iterations` or start nearer."
         return "numerical", "Fatrop found no solution, and does not say why; solve with ipopt, which does."
 

@@ -97,9 +97,11 @@ class Parts:
         self.parameters[name] = (symbol, value)
         return symbol
 
-    def add(self, name, blocks, expression, *, numbers=None, lower=0.0, upper=0.0, when=None, linking=False):
+    def add(self, name, blocks, expression, *, numbers=None, lower=0.0, upper=0.0, when=None, linking=False,
+            hats=False):  # fmt: skip
         """Parts of one kind at K places. blocks: {letter: places in x [K x size]}; expression(*SI symbols, data) gives
-        a mapping with any of rows, scale, units, cost, squares; numbers [K x d] are its data, if any."""
+        a mapping with any of rows, scale, units, cost, squares; numbers [K x d] are its data, if any. hats: it is given
+        the scaled unknowns themselves."""
         where = np.hstack([np.atleast_2d(b) for b in blocks.values()])
         count = where.shape[0]
         if not count:
@@ -111,7 +113,7 @@ class Parts:
             raise ValueError(f"parts '{name}' stand at places of different scales")
         if np.any(np.diff(np.sort(where, axis=1), axis=1) == 0):
             raise ValueError(f"parts '{name}' name one place twice")
-        pieces = ca.vertsplit(local * ca.DM(scale[0]), np.cumsum([0, *sizes]).tolist())
+        pieces = ca.vertsplit(local if hats else local * ca.DM(scale[0]), np.cumsum([0, *sizes]).tolist())
         numbers = np.zeros((count, 0)) if numbers is None else np.asarray(numbers, dtype=float).reshape(count, -1)
         data = ca.SX.sym("data", numbers.shape[1])
         found = expression(*pieces, data) if numbers.shape[1] else expression(*pieces)

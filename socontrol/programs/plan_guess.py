@@ -33,6 +33,8 @@ class PlanGuess:
     seed: Integer = 1
 
     def __post_init__(self):
+        if self.seed < 0:
+            raise Bad("seed", f"{self.seed} is negative")
         if self.file is not None:
             raise Bad("file", "a file is read with the problem file that names it; from Python give times and values")
         if self.times is None and (self.coordinates or self.inputs):

@@ -16,6 +16,9 @@ from socontrol.programs.signals import History
 from socontrol.programs.simulation import refuse_massless
 from socontrol.programs.solver import NLP
 
+NAMED = 3  # limits in the sentence on what to loosen
+COARSE = 8  # intervals: with fewer, these may be what is missing
+
 
 def plan(question, progress=None):
     """Result of a trajectory question."""
@@ -55,7 +58,7 @@ class _Search:
 
     def result(self):
         self._searched()
-        if self.best.status.outcome in ("infeasible", "numerical") and np.all(np.isfinite(self.best.x)):
+        if self.best.status.outcome in ("infeasible", "numerical", "limit") and np.all(np.isfinite(self.best.x)):
             self._loosen()
         result = answered(self.question, self.planner, self.best, self.attempts, self.nlp.build_seconds)
         result = replace(result, details={**result.details, **self.details})
@@ -121,12 +124,16 @@ class _Search:
         if not rows:
             self._tried("from the loosened", self._course(found))
             return
-        first = rows[0]
-        name, by = first["quantity"], f"{first['by']:.3g} {first['unit']}".removesuffix(" 1")
-        way = "grow" if name == "duration" else "give way"
-        sentence = f"No motion was found within the limits; {name} would have to {way} by {by}."
+        told = " and ".join(_gives_way(row) for row in rows[:NAMED]) + (" and more" if len(rows) > NAMED else "")
+        coarse = " Or take more intervals." if self.question.mesh.intervals < COARSE else ""
+        sentence = f"No motion was found within the limits; {told}.{coarse}"
         self.details["loosen"] = rows
         self.best = replace(self.best, status=Status("infeasible", sentence))
+
+
+def _gives_way(row):
+    by = f"{row['by']:.3g} {row['unit']}".removesuffix(" 1")
+    return f"{row['quantity']} would have to {'grow' if row['quantity'] == 'duration' else 'give way'} by {by}"
 
 
 def _quality(outcome):

@@ -24,6 +24,7 @@ from socontrol.quantities import Bad, Count, Either, Flag, PositiveNumber, neare
 
 MOST_INTERVALS = 5000
 SAMPLES, MOST_SAMPLES = 200, 100_000
+SHORTEST_LEG = 1e-3  # between two waypoints, of the duration
 RATE = 0.1  # weight of the rates of inputs beside their effort where no cost is asked for
 
 
@@ -112,6 +113,8 @@ class Trajectory(Question):
 
     def __post_init__(self):
         super().__post_init__()
+        if self.discretisation:
+            raise Bad("discretisation", "a plan has `mesh.halved`, which solves again with half the intervals")
         if not self.robot.m:
             raise Bad("robot", "the robot has no actuators, so nothing can be planned; add `actuators:` to its file")
         if self.continuous and self.mesh.inputs == "constant":
@@ -168,6 +171,12 @@ class Trajectory(Question):
         for (a, _), (b, name) in zip(rows, rows[1:], strict=False):
             if b - a < 1e-9:
                 raise Bad(f"waypoints.{name}", "two waypoints at one time; join them")
+        ends = [(0.0, "start"), *rows, (1.0, "end")]
+        for (a, before), (b, after) in zip(ends, ends[1:], strict=False):
+            if b - a < SHORTEST_LEG:
+                name = after if after in (self.waypoints or {}) else before
+                told = f"less than {SHORTEST_LEG:g} of the duration lies between {before} and {after}"
+                raise Bad(f"waypoints.{name}", f"{told}; move them apart")
         if len(rows) >= self.mesh.intervals:
             raise Bad("mesh.intervals", f"{self.mesh.intervals} intervals; {len(rows)} waypoints want more")
         return rows

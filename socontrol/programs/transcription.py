@@ -190,9 +190,9 @@ class Transcription:
         letters = [x for x in self.node if x != "T"] if self.staged else []
         here = [self.point[x][:, -1] for x in letters] + ([self.node["T"][:-1]] if self.span.free else [])
         there = [self.node[x][1:] for x in letters] + ([self.node["T"][1:]] if self.span.free else [])
-        scales = np.concatenate([self.scales[x] for x in [*letters, *(["T"] if self.span.free else [])]])
         blocks = {"here": np.hstack(here), "there": np.hstack(there)}
-        self.program.add("links", blocks, lambda here, there: {"rows": there - here, "scale": scales}, linking=True)
+        rows = lambda here, there: {"rows": there - here}  # noqa: E731  scaled alike: their slopes are 1 to the last digit
+        self.program.add("links", blocks, rows, linking=True, hats=True)
 
     def at_points(self, name, expression, *, weights=False, **limits):
         """Parts at every point: expression(q, v, a, u, T, data); data ends with the quadrature weight, of the whole."""

@@ -4,6 +4,7 @@
     python tests/benchmarks/trajectories.py rod            (the reference rod, in the virtual machine and compiled)
     python tests/benchmarks/trajectories.py build          (time to build against the number of intervals)
     python tests/benchmarks/trajectories.py problems       (every shipped problem of this type)
+    python tests/benchmarks/trajectories.py doubled        (each of them again with twice the intervals)
 
 Times are CPU times of this process, which a busy machine disturbs less than it does the clock on the wall. The other
 tools are optional: pip install -e '.[peers]'. In parentheses: the goals of this project.
@@ -11,6 +12,7 @@ tools are optional: pip install -e '.[peers]'. In parentheses: the goals of this
 
 import sys
 import time
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -23,6 +25,7 @@ from dynamics_scaling import calibration
 import socontrol as so
 from socontrol.files.loader import read_yaml
 from socontrol.programs.plan_costs import Effort
+from socontrol.programs.plan_guess import PlanGuess
 from socontrol.programs.planner import Planner
 from socontrol.programs.scaling import scales
 from socontrol.programs.schemes import scheme
@@ -180,7 +183,31 @@ def problems():
     return late
 
 
-WHAT = {"cartpole": swing, "rod": rod, "build": build, "problems": problems}
+def same(result):
+    """Guess of a plan's own motion, to stay with its local optimum."""
+    robot, arrays = result.question.robot, result.arrays
+    q, u = (dict(zip(names, map(tuple, arrays[key].T.tolist()), strict=True))
+            for key, names in (("q", robot.coordinates), ("u", robot.inputs)))  # fmt: skip
+    return PlanGuess(times=tuple(arrays["t"].tolist()), coordinates=q, inputs=u)
+
+
+def doubled():
+    """How far twice the intervals change the cost of every shipped plan, beside what half of them did (at most it)."""
+    beyond = 0
+    for path in sorted((ROOT / "problems").glob("*.yaml")):
+        if read_yaml(path).data.get("type") == "trajectory":
+            asked = so.load_problem(path)
+            mesh = replace(asked.mesh, intervals=2 * asked.mesh.intervals, halved=False)
+            said = so.solve(asked)
+            finer = so.solve(replace(asked, mesh=mesh, replay=Replay(active=False), guess=same(said)))
+            change, told = abs(finer["cost"] - said["cost"]), said["mesh.cost_change"]
+            beyond += not change <= told
+            print(f"{path.stem:40s}cost {said['cost']:.6g}, told {told:.2g}, changed {change:.2g}  "
+                  f"re-simulated tip {100 * said['replay.tip_share']:.2g} % of the length")  # fmt: skip
+    return beyond
+
+
+WHAT = {"doubled": doubled, "cartpole": swing, "rod": rod, "build": build, "problems": problems}
 
 
 def main(what="cartpole"):
