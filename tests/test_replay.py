@@ -270,7 +270,7 @@ def test_equilibria_are_not_simulated_but_looked_at_between_the_nodes(excess, la
     asked = question(SLIDER, 1.0, {"mass": 1.0}, 4, quasi_static=True)
     arrays, values, note = looked(asked, by_hand(asked, 1.0, [0.0], [1.0], [1.0], [2 * 9.81 + excess]))
     assert note is None and set(arrays) == {"error.t", "error.share"} and set(values) == {"error.between"}
-    assert values["error.between"].value == pytest.approx(3.0 / largest)
+    assert values["error.between"].value == pytest.approx(1.0 / largest)
 
 
 def test_what_is_no_equilibrium_between_the_nodes_is_rejected():
