@@ -26,7 +26,7 @@ def loosened(question, start, courses, progress=None):
         return None, None, outcome
     found = planner.transcription.planned(outcome.values)
     rows = []
-    for limit in planner.loose:
+    for limit in planner.giving.loose:
         by = float(outcome.values[limit.place])
         share, unit = by / limit.size, limit.unit
         if limit.name.startswith(SPEEDS):

@@ -4,40 +4,26 @@ Every limit has a name. Where `loose` is set, a limit that a user could change h
 gives way, and the sum of all of them, each over its size, is what is made small: it tells what to loosen.
 """
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
 from socontrol.mechanics.kinematics import Kinematics
 from socontrol.programs.charts import is_singular, turning
 from socontrol.programs.fatrop import Fatrop
+from socontrol.programs.giving import CHEAP, Giving, size_of
 from socontrol.programs.goals import locate
 from socontrol.programs.obstacles import clearances, moving
-from socontrol.programs.posture import goal_rows
+from socontrol.programs.passages import Passages
 from socontrol.programs.scaling import scales
 from socontrol.programs.schemes import scheme
 from socontrol.programs.transcription import Span, System, Transcription
 from socontrol.quantities import Bad
 
 CHART = 0.9 * 2 * np.pi  # |turn| of a joint whose coordinates are singular a full turn away
-# What giving way by a limit's own size costs: what stands around can be moved, what is asked for is the last to go.
-CHEAP, PLAIN, DEAR = 0.5, 1.0, 100.0
 STRETCH = 20.0  # durations at most, where the duration may give way
 TEMPO = 6.0  # a swing there and back in the whole duration has an angular rate of about this over the duration
 CALM = 1e-3  # root of the weight of accelerations where masses do not matter
 PER_SECTION = 2  # stations of a section that are held clear of obstacles
-
-
-@dataclass(frozen=True)
-class Loose:
-    """A limit that gives way: its name, unit, the place of the unknown in x, what counts as one, what that costs."""
-
-    name: str
-    unit: str
-    place: int
-    size: float
-    cost: float = PLAIN
 
 
 class Planner:
@@ -45,7 +31,7 @@ class Planner:
 
     def __init__(self, question, start, *, loose=False):
         self.question, self.robot, self.start = question, question.loaded, start
-        self.scales, self.loose, self._gives = scales(self.robot), [], loose
+        self.scales = scales(self.robot)
         self.functions = self.robot.functions(compiled=False)
         self.scheme = scheme(question.mesh.scheme, question.mesh.points)
         staged = isinstance(question.solver, Fatrop)
@@ -58,11 +44,12 @@ class Planner:
             continuous=question.continuous, staged=staged,
             hessian=hessian, tempo=span.guess / TEMPO if question.scaled else 1.0, halfway=bool(question.obstacles),
         )  # fmt: skip
+        self.giving = Giving(self.transcription, loose)
         if loose:
             self._stretched()
         self._hold_given()
         self._limits()
-        self._moments()
+        Passages(question, self.transcription, self.giving, self.scales.q).hold(start)
         self._charts()
         self._obstacles()
         self._costs()
@@ -107,43 +94,18 @@ class Planner:
             for i in np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)):
                 own = names[i] in (getattr(question.bounds, key) or {})
                 fixed = key == "coordinates" and not own and self.robot.joint_limits[i] == (-np.inf, np.inf)
-                self._range(f"{key}.{names[i]}", units[i], letter, i, lower[i], upper[i], fixed)
+                self.giving.range(f"{key}.{names[i]}", units[i], letter, i, lower[i], upper[i], fixed)
         for i, (low, high) in rates.items():
-            self._range(f"limits.rates.{robot.coordinates[i]}", f"{robot.coordinate_units[i]}/s", "v", i, low, high)
+            name, unit = f"limits.rates.{robot.coordinates[i]}", f"{robot.coordinate_units[i]}/s"
+            self.giving.range(name, unit, "v", i, low, high)
         self._input_rates()
         self._lengths()
         self._speeds()
 
-    def _range(self, name, unit, letter, i, low, high, fixed=False):
-        """low <= component i of a letter <= high, at all nodes and points."""
-        places, size = self.transcription.places(letter)[:, i], _size(low, high)
-        if not self._gives or fixed:
-            self.transcription.hold(letter, places, low, high)
-        else:
-            for side, limit, sign in (("lower", low, 1), ("upper", high, -1)):
-                if np.isfinite(limit):
-                    slack = self._slack(f"{name} ({side} limit)", unit, size)
-                    lower, upper = (limit, np.inf) if sign > 0 else (-np.inf, limit)
-                    blocks = {"x": places[:, None], "s": np.full((places.size, 1), slack)}
-                    self.program.add(
-                        f"{name}.{side}",
-                        blocks,
-                        lambda x, s, sign=sign: {"rows": x + sign * s, "scale": size},
-                        lower=lower,
-                        upper=upper,
-                    )
-
-    def _slack(self, name, unit, size, cost=PLAIN):
-        """Place of an unknown >= 0 by which a limit gives way, at a `cost` for its `size`."""
-        place = int(self.program.block(1, scale=size, lower=0.0, guess=0.01 * size)[0])
-        self.program.add(f"loose.{name}", {"s": np.array([[place]])}, lambda s: {"cost": cost * s / size})
-        self.loose.append(Loose(name, unit, place, size, cost))
-        return place
-
     def _stretched(self):
         """The longest duration gives way."""
         longest, places = self.question.span.longest, {"T": self.transcription.node["T"][-1:]}
-        self._rows("duration", "s", places, lambda T: T, -np.inf, longest, longest, [self.transcription.N])
+        self.giving.rows("duration", "s", places, lambda T: T, -np.inf, longest, longest, [self.transcription.N])
 
     def _input_rates(self):
         question, robot, t = self.question, self.robot, self.transcription
@@ -151,7 +113,7 @@ class Planner:
         for i, (low, high) in question.limits.ranges("input_rates", robot.inputs, units).items():
             blocks, numbers, when, rate = t.rates_of_inputs()
             name, one = f"limits.input_rates.{robot.inputs[i]}", lambda *x, i=i, rate=rate: rate(*x)[i]
-            self._rows(name, units[i], blocks, one, low, high, _size(low, high), when, numbers=numbers)
+            self.giving.rows(name, units[i], blocks, one, low, high, size_of(low, high), when, numbers=numbers)
 
     def _lengths(self):
         robot = self.robot
@@ -163,7 +125,7 @@ class Planner:
         for i in indices:
             low, high = found[i]
             name, one = f"limits.lengths.{robot.inputs[i]}", lambda q, i=i: lengths(q)[i]
-            self._rows(name, robot.length_units[i], {"q": places}, one, low, high, robot.length, when)
+            self.giving.rows(name, robot.length_units[i], {"q": places}, one, low, high, robot.length, when)
 
     def _instants(self):
         """Places [K x n] of q at all nodes and points, each once, and the intervals they belong to."""
@@ -187,90 +149,7 @@ class Planner:
             first = 1 if self.scheme.shared else 0
             blocks = {x: np.vstack([t.point[x][:, first:].reshape(-1, t.system.n)]) for x in "qv"}
             when = np.repeat(np.arange(t.N), self.scheme.size - first)
-            self._rows(f"limits.speeds.{name}", "1", blocks, squared, -np.inf, 1.0, 1.0, when)
-
-    def _rows(self, name, unit, blocks, expression, low, high, size, when, cost=PLAIN, numbers=None):
-        """low <= expression <= high at many places; gives way where limits do. `numbers` go to it as last argument."""
-        if not self._gives:
-            self.program.add(name, blocks, lambda *x: {"rows": expression(*x), "scale": size, "units": unit},
-                             lower=low, upper=high, when=when, numbers=numbers)  # fmt: skip
-            return
-        slack, count = self._slack(name, unit, size, cost), len(next(iter(blocks.values())))
-        blocks = {"slack": np.full((count, 1), slack), **blocks}
-        sides = [(low, np.inf, 1)] * bool(np.isfinite(low)) + [(-np.inf, high, -1)] * bool(np.isfinite(high))
-        for lower, upper, sign in sides:
-            self.program.add(name, blocks, lambda s, *x, sign=sign: {"rows": expression(*x) + sign * s, "scale": size},
-                             lower=lower, upper=upper, when=when, numbers=numbers)  # fmt: skip
-
-    def _moments(self):
-        q, v, u = self.start
-        t = self.transcription
-        t.hold("q", t.node["q"][0], q, q)
-        if not self.question.quasi_static:
-            t.hold("v", t.node["v"][0], v, v)
-        first = t.node["u"][0] if t.continuous else t.lead[0] if t.lead.size else t.point["u"][0, 0]
-        for i, value in enumerate(u):
-            if np.isfinite(value) and (t.continuous or not self.question.start.is_settled):
-                t.hold("u", first[i], value, value)
-        for name, k, moment in self.question.moments:
-            self._passed(name, k, moment)
-
-    def _passed(self, path, k, moment):
-        """What the state at node k has to meet."""
-        t, question, robot = self.transcription, self.question, self.robot
-        for i, value in question.named("coordinates", moment.coordinates, f"{path}.coordinates").items():
-            name = f"{path}.coordinates.{robot.coordinates[i]}"
-            self._met(name, robot.coordinate_units[i], "q", t.node["q"][k, i], value, self.scales.q[i], k)
-        rates = question.rates(moment.rates, f"{path}.rates")
-        for i in range(robot.n):
-            if (moment.velocity == "rest" or i in rates) and not question.quasi_static:
-                value = rates.get(i, 0.0)
-                t.hold("v", t.node["v"][k, i], value, value)
-        point = (k - 1, -1) if k > 0 else (0, 0)
-        if moment.settled and not question.quasi_static:
-            t.hold("a", t.point["a"][point], 0.0, 0.0)
-        for i, value in question.named("inputs", moment.inputs, f"{path}.inputs").items():
-            t.hold("u", t.point["u"][(*point, i)], value, value)
-        for name, goal in (moment.goals or {}).items():
-            self._goal(f"{path}.goals.{name}", goal, t.node["q"][k : k + 1], k)
-
-    def _met(self, name, unit, letter, place, value, size, k):
-        if not self._gives:
-            self.transcription.hold(letter, place, value, value)
-            return
-        blocks = {"x": np.array([[place]])}
-        self._rows(name, unit, blocks, lambda x: x, value, value, size, [k], DEAR)
-
-    def _goal(self, name, goal, places, k):
-        robot, size = self.robot, np.array(goal.scales(self.robot.length))
-        target, when = ca.DM(goal.numbers()), [k]
-
-        def miss(q):
-            return goal.miss(robot, self.kinematics(q), target)
-
-        if goal.weight is not None:
-            if not self._gives:
-                self._wished(name, goal, places, when, size)
-            return
-        if self._gives:
-            for i, unit in enumerate(goal.units()):
-                self._rows(name, unit, {"q": places}, lambda q, i=i: miss(q)[i], 0.0, 0.0, float(size[i]), when, DEAR)
-        else:
-            rows = lambda q: {"rows": miss(q), "scale": size, "units": goal.units()}  # noqa: E731
-            self.program.add(name, {"q": places}, rows, when=when)
-        if hasattr(goal, "guard"):
-            guard = lambda q: {"rows": goal.guard(robot, self.kinematics(q), target)}  # noqa: E731
-            self.program.add(f"{name}.side", {"q": places}, guard, upper=np.inf, when=when)
-
-    def _wished(self, name, goal, places, when, size):
-        """Half the weighted square of how far a goal is away."""
-        robot, target, weight = self.robot, ca.DM(goal.numbers()), np.sqrt(goal.weight)
-
-        def squares(q):
-            apart = goal_rows(name, goal, "distance", robot, self.kinematics(q), target)
-            return {"squares": weight * apart / ca.DM(np.resize(size, apart.numel()))}
-
-        self.program.add(name, {"q": places}, squares, when=when)
+            self.giving.rows(f"limits.speeds.{name}", "1", blocks, squared, -np.inf, 1.0, 1.0, when)
 
     def _charts(self):
         """Joints in exponential coordinates stay well inside the turn where these are singular."""
@@ -299,7 +178,8 @@ class Planner:
             def clear(q, obstacle=obstacle, looked=looked):
                 return clearances(self.robot, self.kinematics(q), obstacle, looked)
 
-            self._rows(f"obstacles.{name}", "m", {"q": places}, clear, 0.0, np.inf, self.robot.length, when, CHEAP)
+            size = self.robot.length
+            self.giving.rows(f"obstacles.{name}", "m", {"q": places}, clear, 0.0, np.inf, size, when, CHEAP)
 
     def _costs(self):
         t = self.transcription
@@ -307,7 +187,7 @@ class Planner:
             scale = ca.DM(t.scales["a"])
             calm = lambda q, v, a, u, T, data: {"squares": CALM * ca.sqrt(T * data[-1]) * a / scale}  # noqa: E731
             t.at_points("calm", calm, weights=True)
-        if self._gives:
+        if self.giving.gives:
             return
         for name, cost in self.question.all_costs.items():
             cost.add(f"costs.{name}", self)
@@ -327,9 +207,3 @@ class Planner:
                 low, high = self.program.lower[at], self.program.upper[at]
                 told = f"{what} '{name}' has to be at least {low:.6g} and at most {high:.6g} (SI) at one time"
                 raise Bad("limits", f"{told}; what is given at start, waypoints or end contradicts a limit")
-
-
-def _size(low, high):
-    both = [abs(x) for x in (low, high) if np.isfinite(x) and x]
-    return max(both, default=1.0)
-

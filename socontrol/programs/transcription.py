@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.programs.assembly import EXACT
+from socontrol.programs.layout import Layout
 from socontrol.programs.parts import Parts
 from socontrol.programs.planned import Planned
 from socontrol.programs.schemes import Scheme, slopes
@@ -81,62 +82,19 @@ class Transcription:
         return self.shares.size
 
     def _place(self):
-        """self.node[letter] [N+1 x size], self.point[letter] [N x s x size] and others: places in x, stage by stage.
-
-        Every stage is laid out alike: what its node holds, then its interval; the last has a node alone.
-        """
-        self._slots, self._stage = {}, 0
-        held = ["q", "v", *(["a"] if self.scheme.shared else []), *(["u"] if self.continuous else [])]
-        held += ["T"] if self.span.free else []
-        for letter in held:
-            self._slot(("node", letter), letter)
-        self._held = self._stage
-        last = self.scheme.size - 1
-        for i in range(self.scheme.size):
-            for letter in "qvau":
-                first, following = self.scheme.shared and i == 0, i == last and letter in held and not self.staged
-                if not first and not following:
-                    self._slot(("point", letter, i), letter)
-        for i in range(self._fractions.size):
-            self._slot(("halfway", i), "q")
-        if self.inputs == "linear" and not self.continuous:
-            self._slot(("lead",), "u")
-        self._allocate()
-        self._name(held)
-
-    def _slot(self, key, letter):
-        self._slots[key] = self._stage, letter
-        self._stage += self.scales[letter].size
-
-    def _allocate(self):
-        scale = np.concatenate([self.scales[letter] for _, letter in self._slots.values()])
-        count = self.N * self._stage + self._held
-        self.program.block(count, scale=np.resize(scale, count))
-
-    def _places(self, key, stages):
-        start, letter = self._slots[key]
-        return np.arange(stages)[:, None] * self._stage + start + np.arange(self.scales[letter].size)
-
-    def _name(self, held):
-        self.node = {letter: self._places(("node", letter), self.N + 1) for letter in held}
+        """self.node[letter] [N+1 x size], self.point[letter] [N x s x size], self.halfway, self.lead: places in x."""
+        held = ["q", "v", *["a"] * self.scheme.shared, *["u"] * self.continuous, *["T"] * self.span.free]
+        own_lead = self.inputs == "linear" and not self.continuous
+        layout = Layout(self.scheme, self.N, self.scales, held, apart=self.staged, halves=self._fractions.size,
+                        lead=own_lead)  # fmt: skip
+        self.program.block(layout.scale.size, scale=layout.scale)
+        self.node, self.point, self.halfway, self.lead = layout.node, layout.point, layout.halfway, layout.lead
+        if self.inputs == "linear" and self.continuous:
+            self.lead = self.node["u"][:-1]
         self.program.states = np.hstack(list(self.node.values()))
         if self.span.free:
-            span, places = self.span, self.node["T"]
-            self.program.guess[places] = span.guess
-            self.hold("T", places, span.shortest, span.longest)
-        self.point = {}
-        for letter in "qvau":
-            rows = []
-            for i in range(self.scheme.size):
-                key, following = ("point", letter, i), not (self.scheme.shared and i == 0)
-                own = key in self._slots
-                rows.append(self._places(key, self.N) if own else self.node[letter][following:][: self.N])
-            self.point[letter] = np.stack(rows, axis=1)
-        halves = [self._places(("halfway", i), self.N) for i in range(self._fractions.size)]
-        self.halfway = np.stack(halves, axis=1) if halves else np.zeros((self.N, 0, self.system.n), dtype=int)
-        self.lead = np.zeros((0, self.system.m), dtype=int)
-        if self.inputs == "linear":
-            self.lead = self.node["u"][:-1] if self.continuous else self._places(("lead",), self.N)
+            self.program.guess[self.node["T"]] = self.span.guess
+            self.hold("T", self.node["T"], self.span.shortest, self.span.longest)
 
     def duration_at(self, nodes):
         """{letter: places} of the duration for parts at nodes: nothing where it is fixed."""
