@@ -79,7 +79,7 @@ PICTURES = {  # problem file: those of its figures to keep
     "stiff_flop_measured": ("fit",),
     "lophotricus_straight": ("shapes", "energies"),
     "octopus_arm_release": ("shapes",),
-    "stiff_flop_sweep": ("path", "strips"),
+    "stiff_flop_sweep": ("path",),
     "octopus_three_motors": ("histories",),
 }
 
