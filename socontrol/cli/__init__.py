@@ -16,7 +16,7 @@ import typer
 
 app = typer.Typer(
     name="socontrol",
-    help="Inverse statics of robots made of rigid links, soft rods or both, from YAML files.",
+    help="Statics, motions and plans of robots made of rigid links, soft rods or both, from YAML files.",
     rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -126,10 +126,13 @@ def plan(
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="Largest rate of an input or a coordinate.")
     ] = None,
     quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Equilibrium at all times, no masses.")] = False,
+    water: Annotated[
+        str | None, typer.Option(metavar="DENSITY", help="Under water of this density, at rest; default: in air.")
+    ] = None,
     intervals: Annotated[int | None, typer.Option(help="Intervals of the mesh.", show_default=False)] = None,
     scheme: Annotated[str | None, typer.Option(help="radau, lobatto ...", show_default=False)] = None,
     points: Annotated[int | None, typer.Option(help="Points in an interval.", show_default=False)] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the problem and its result folder.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the problem; without --save, of its folder too.")] = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the problem file too.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file of --save.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Solve nothing; without --save print the file.")] = False,
@@ -148,7 +151,7 @@ def plan(
     flags = Flags(
         start=start, to=tuple(to), duration=duration, avoid=tuple(avoid or ()), via=tuple(via or ()),
         intervals=intervals, scheme=scheme, points=points, minimise=tuple(minimise or ()),
-        limit_rate=tuple(limit_rate or ()), quasi_static=quasi_static,
+        limit_rate=tuple(limit_rate or ()), quasi_static=quasi_static, water=water,
     )  # fmt: skip
     settings = Settings(output, json, (), not no_figures, False, quiet, verbose, compiled)
     return plan_motion(robot, flags, Saving(save, name, force, dry_run), settings)
@@ -202,7 +205,7 @@ def codegen(
 def plot(
     result: Annotated[Path, typer.Argument(help="A result folder.", show_default=False)],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for the figures.")] = None,
-    gif: Annotated[bool, typer.Option("--gif", help="Write motion.gif of a simulation, and no figures.")] = False,
+    gif: Annotated[bool, typer.Option("--gif", help="Write motion.gif of a motion, and no figures.")] = False,
     csv: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write a planned motion as a table, and no figures.")
     ] = None,

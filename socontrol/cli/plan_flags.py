@@ -31,6 +31,7 @@ class Flags:
     minimise: tuple = ()
     limit_rate: tuple = ()
     quasi_static: bool = False
+    water: str | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ def problem_of(flags, robot):
     span = _duration(flags.duration, data, names)
     if flags.quasi_static:
         _put(data, names, ("quasi_static",), True, "--quasi-static")
+    if flags.water is not None:
+        flag = f"--water {flags.water}"
+        water = {"type": "fluid", "density": as_number(flags.water, flag)}
+        _put(data, names, ("loads", "water"), water, flag)
     for key in ("intervals", "scheme", "points"):
         if (value := getattr(flags, key)) is not None:
             _put(data, names, ("mesh", key), value, f"--{key} {value}")

@@ -17,6 +17,7 @@ from socontrol.programs.simulation import refuse_massless
 from socontrol.programs.solver import NLP
 
 NAMED = 3  # limits in the sentence on what to loosen
+LEAST_SECONDS = 2.0  # for the look at half the mesh
 COARSE = 8  # intervals: with fewer, these may be what is missing
 
 
@@ -71,7 +72,8 @@ class _Search:
         coarse = replace(question, mesh=replace(question.mesh, intervals=max(len(question.moments), self._half)))
         planner = Planner(coarse, self.start)
         course = self._course(self.planner.transcription.planned(self.best.values))
-        nlp = NLP(planner.program, coarse.solver, question.loaded.compiled, self.progress)
+        spent = sum(attempt.seconds for attempt in self.attempts)
+        nlp = NLP(planner.program, _brief(coarse.solver, spent), question.loaded.compiled, self.progress)
         outcome = nlp.solve(course.fill(planner.transcription))
         change = abs(outcome.cost - self.best.cost) if outcome.status.solved else None
         values = {} if change is None else {"mesh.cost_change": Value(change, "1")}
@@ -129,6 +131,13 @@ class _Search:
         sentence = f"No motion was found within the limits; {told}.{coarse}"
         self.details["loosen"] = rows
         self.best = replace(self.best, status=Status("infeasible", sentence))
+
+
+def _brief(solver, seconds):
+    """The solver with about as much time as the plan itself took, where it knows of time."""
+    if not hasattr(solver, "max_seconds"):
+        return solver
+    return replace(solver, max_seconds=min(solver.max_seconds or np.inf, max(LEAST_SECONDS, seconds)))
 
 
 def _gives_way(row):

@@ -110,7 +110,7 @@ def _joints(result, console):
     found = [k.removeprefix("coordinates.") for k in result.values if k.startswith("coordinates.")]
     every = quantities(result)[0]
     if found:
-        columns(console, ["joint", "at the end>", "from>", "to>", "", "limits"],
+        columns(console, ["joint", "at the end>", "least>", "most>", "", "limits"],
                 [_ranged(every, every.names.index(name), end=True) for name in found])  # fmt: skip
 
 
@@ -256,7 +256,7 @@ def _ranges(result, console):
         if quantity.title in ("rate", "input rate", "length"):
             rows = [_ranged(quantity, k) for k, unit in enumerate(quantity.units) if not unit.startswith("1/")]
             if rows:
-                columns(console, [quantity.title, "from>", "to>", "", "limits"], rows)
+                columns(console, [quantity.title, "least>", "most>", "", "limits"], rows)
 
 
 def _coordinates(result, console):

@@ -64,7 +64,7 @@ def zeros(n):
 
 def ours(asked):
     """(build s, solve s, cost, iterations) of the planner and its solver."""
-    rest = np.zeros(2), np.zeros(2), None
+    rest = np.zeros(2), np.zeros(2), np.full(1, np.nan)
     planner, first = spent(lambda: Planner(asked, rest))
     nlp, second = spent(lambda: NLP(planner.program, asked.solver))
     start = planner.transcription.filled(line, zeros(2), zeros(2), zeros(1), SWING)
@@ -76,7 +76,7 @@ def ours(asked):
 def swing():
     """Build and solve, beside the same program by hand (at most 1.2 times), rockit (20 times) and do-mpc (10 times)."""
     asked = question(INTERVALS)
-    transcription = Planner(asked, (np.zeros(2), np.zeros(2), None)).transcription
+    transcription = Planner(asked, (np.zeros(2), np.zeros(2), np.full(1, np.nan))).transcription
     sizes = {**transcription.scales, "force": transcription.system.force}
     plain = {"q": np.ones(2), "v": np.ones(2), "a": np.ones(2), "u": np.ones(1), "force": np.ones(2)}
     rows = {"socontrol": lambda: ours(asked),
@@ -154,7 +154,8 @@ def rod():
 def build():
     """CPU s to build (exponent 1 or less: linear in the intervals)."""
     asked = {n: question(n) for n in MESHES}
-    rows = {"cart-pole": lambda n: NLP(Planner(asked[n], (np.zeros(2), np.zeros(2), None)).program, asked[n].solver),
+    rest = np.zeros(2), np.zeros(2), np.full(1, np.nan)
+    rows = {"cart-pole": lambda n: NLP(Planner(asked[n], rest).program, asked[n].solver),
             "reference rod": lambda n: NLP(rod_problem(1, n, (0, 1, 0))[0].program, Ipopt())}  # fmt: skip
     print(f"{'':16s}" + "".join(f"{f'N = {n}':>10s}" for n in MESHES) + f"{'exponent':>10s}{'s + ms an interval':>22s}")
     for name, run in rows.items():
