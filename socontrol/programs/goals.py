@@ -252,14 +252,17 @@ class Circle:
             raise Bad("count", f"{self.count} waypoints; at most {MOST_WAYPOINTS}")
 
     def waypoints(self):
-        n = _unit(self.normal)
-        e = _unit(self.start)
-        e = e - n * np.dot(n, e)
-        if np.linalg.norm(e) < 1e-9:
-            raise Bad("start", "it is along the normal; give a direction in the circle's plane")
-        e = e / np.linalg.norm(e)
-        angles = 2 * np.pi * np.arange(self.count + 1) / self.count
-        return [tuple(self.center + self.radius * (np.cos(a) * e + np.sin(a) * np.cross(n, e))) for a in angles]
+        return [tuple(p) for p in around(self, 2 * np.pi * np.arange(self.count + 1) / self.count)]
+
+
+def around(circle, angles):
+    """Points [K x 3] of a circle at angles [K] from the direction nearest its `start`; raises Bad without one."""
+    n, e = _unit(circle.normal), _unit(circle.start)
+    e = e - n * np.dot(n, e)
+    if np.linalg.norm(e) < 1e-9:
+        raise Bad("start", "it is along the normal; give a direction in the circle's plane")
+    e, angles = e / np.linalg.norm(e), np.asarray(angles)[:, None]
+    return circle.center + circle.radius * (np.cos(angles) * e + np.sin(angles) * np.cross(n, e))
 
 
 @record(kw_only=True)

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import se3
-from socontrol.programs.goals import locate
+from socontrol.programs.goals import around, locate
 from socontrol.quantities import (
     Axis,
     Bad,
@@ -93,12 +93,7 @@ class Round:
 
     def at(self, shares):
         """Positions [K x 3] at shares of the duration."""
-        n, e = (np.array(x) / np.linalg.norm(x) for x in (self.normal, self.start))
-        e = e - n * (n @ e)
-        if np.linalg.norm(e) < 1e-9:
-            raise Bad("circle.start", "it is along the normal; give a direction in the circle's plane")
-        e, angles = e / np.linalg.norm(e), 2 * np.pi * self.turns * np.asarray(shares)[:, None]
-        return self.center + self.radius * (np.cos(angles) * e + np.sin(angles) * np.cross(n, e))
+        return around(self, 2 * np.pi * self.turns * np.asarray(shares))
 
 
 @record(kw_only=True)
@@ -130,8 +125,11 @@ class Tracking:
         for k, (a, b) in enumerate(zip(self.times or (), (self.times or ())[1:], strict=False), start=1):
             if not a < b:
                 raise Bad(f"times.{k}", f"{b:g} s does not come after {a:g} s; times must rise")
-        if self.circle is not None:
-            self.circle.at([0.0])
+        try:
+            if self.circle is not None:
+                self.circle.at([0.0])
+        except Bad as bad:
+            raise Bad(f"circle.{bad.key}", str(bad)) from None
 
     def target(self, shares, duration):
         """Positions [K x 3] at shares of the duration."""

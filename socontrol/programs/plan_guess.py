@@ -84,6 +84,7 @@ class Guesses:
         self.balance = Balance(self.robot)
         self.held = question.named("coordinates", question.coordinates)
         self.given = question.named("inputs", question.inputs)
+        self.unheld = []  # moments whose goals no equilibrium within the limits was found to meet
 
     def first(self):
         """The Course a file or the equilibria say."""
@@ -123,8 +124,9 @@ class Guesses:
         question, shares = self.question, np.concatenate([[0.0], np.cumsum(self.question.shares)])
         u = self.start[2]
         stops = [(0.0, self.start[0], np.where(np.isfinite(u), u, self._rest_inputs()))]
-        for _, k, moment in question.moments:
-            stops.append((shares[k], *self._posture(moment, *stops[-1][1:])))
+        self.unheld = []
+        for path, k, moment in question.moments:
+            stops.append((shares[k], *self._posture(path, moment, *stops[-1][1:])))
         fine = np.linspace(0.0, 1.0, FINE + 1)
         q, u = np.zeros((fine.size, self.robot.n)), np.zeros((fine.size, self.robot.m))
         for (a, q0, u0), (b, q1, u1) in zip(stops, stops[1:], strict=False):
@@ -143,12 +145,12 @@ class Guesses:
             u[i] = value
         return u
 
-    def _posture(self, moment, q, u):
+    def _posture(self, path, moment, q, u):
         """(q, u) near what a moment asks for; from the ones before where nothing is known."""
         question = self.question
         held = {**self.held, **question.named("coordinates", moment.coordinates)}
         if moment.goals:
-            found = self._reaching(moment, q, u)
+            found = self._reaching(path, moment, q, u)
             if found is not None:
                 return found
         inputs = u.copy()
@@ -164,7 +166,7 @@ class Guesses:
             target = answer.q if answer.status.solved and not self.robot.overstrained(answer.q) else target
         return target, inputs
 
-    def _reaching(self, moment, q, u):
+    def _reaching(self, path, moment, q, u):
         """(q, u) of an equilibrium that meets the goals of a moment, or the nearest; None without one."""
         question = self.question
         asked = InverseStatics(
@@ -175,6 +177,8 @@ class Guesses:
         )  # fmt: skip
         solver = asked.prepare()
         outcome, _ = solver.find({}, start={"q": q, "u": u})
+        if outcome.status.outcome == "infeasible":
+            self.unheld.append(path)
         found = outcome.values["q"], outcome.values["u"]
         return found if all(np.all(np.isfinite(x)) for x in found) else None
 

@@ -96,7 +96,7 @@ class _Search:
         question = self.question
         guesses = Guesses(question, self.start)
         first, given = guesses.first(), question.guess.times is not None
-        self.first = first
+        self.first, self.unheld = first, guesses.unheld.copy()
         self._tried("given motion" if given else "equilibria", first)
         if not self.best.status.solved and not given and self._goes_on:
             straight = guesses.straight()
@@ -128,7 +128,8 @@ class _Search:
             return
         told = " and ".join(_gives_way(row) for row in rows[:NAMED]) + (" and more" if len(rows) > NAMED else "")
         coarse = " Or take more intervals." if self.question.mesh.intervals < COARSE else ""
-        sentence = f"No motion was found within the limits; {told}.{coarse}"
+        still = f" No equilibrium was found that meets the goals of: {', '.join(self.unheld)}." if self.unheld else ""
+        sentence = f"No motion was found within the limits; {told}.{still}{coarse}"
         self.details["loosen"] = rows
         self.best = replace(self.best, status=Status("infeasible", sentence))
 
