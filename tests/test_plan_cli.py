@@ -130,13 +130,14 @@ def test_flags_say_what_a_file_says(folder, socontrol):
     flags = ("--to", "upper=0.5", "--to", "tip=0.1,free,50 mm", "--duration", "0.5 s..3", "--quasi-static",
              "--via", "20%:lower=1 deg", "--via", "20%:tip=1,2,3", "--via", "0.4%:upper=0", "--limit-rate", "lower=3",
              "--avoid", "sphere:1,1,1,1", "--avoid", "sphere:2,2,2,1",
-             "--minimise", "time=2", "--minimise", "effort")  # fmt: skip
+             "--minimise", "time=2", "--minimise", "effort", "--water", "1 g/cm^3")  # fmt: skip
     code, out, err = plan(socontrol, *flags, "--dry-run", "--name", "far")
     assert (code, err) == (0, "") and not (folder / "results").exists()
     tip = {"type": "point", "on": "lower"}
     assert parse(out).data == {
         "name": "far", "schema_version": 1, "type": "trajectory", "robot": "arm.yaml",
-        "duration": {"shortest": "0.5 s", "longest": 3.0}, "quasi_static": True, "start": {"settled": True},
+        "duration": {"shortest": "0.5 s", "longest": 3.0}, "quasi_static": True,
+        "loads": {"water": {"type": "fluid", "density": "1 g/cm^3"}}, "start": {"settled": True},
         "end": {"coordinates": {"upper": 0.5}, "goals": {"tip": {**tip, "target": [0.1, None, "50 mm"]}}},
         "waypoints": {
             "via_1": {"share": 0.2, "coordinates": {"lower": "1 deg"}, "goals": {"tip": {**tip, "target": [1, 2, 3]}}},
