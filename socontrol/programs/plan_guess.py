@@ -5,6 +5,7 @@ holds it there (motors at rigid joints), the coordinates go straight. The pace i
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -83,7 +84,6 @@ class Guesses:
         self.question, self.robot, self.start = question, replace(question.loaded, compiled=False), start
         self.balance = Balance(self.robot)
         self.held = question.named("coordinates", question.coordinates)
-        self.given = question.named("inputs", question.inputs)
         self.unheld = []  # moments whose goals no equilibrium within the limits was found to meet
 
     def first(self):
@@ -107,7 +107,7 @@ class Guesses:
         times = np.array(guess.times)
         shares = (times - times[0]) / (times[-1] - times[0])
         q = np.tile(self.start[0], (times.size, 1))
-        u = np.tile(self._rest_inputs(), (times.size, 1))
+        u = np.tile(rest_inputs(self.question), (times.size, 1))
         for key, own in (("coordinates", q), ("inputs", u)):
             for k in range(times.size):
                 row = {name: values[k] for name, values in (getattr(guess, key) or {}).items()}
@@ -121,29 +121,25 @@ class Guesses:
 
     def _through(self, straight=False):
         """Equilibria between the moments, at rest-to-rest pace from moment to moment."""
-        question, shares = self.question, np.concatenate([[0.0], np.cumsum(self.question.shares)])
-        u = self.start[2]
-        stops = [(0.0, self.start[0], np.where(np.isfinite(u), u, self._rest_inputs()))]
-        self.unheld = []
-        for path, k, moment in question.moments:
-            stops.append((shares[k], *self._posture(path, moment, *stops[-1][1:])))
         fine = np.linspace(0.0, 1.0, FINE + 1)
         q, u = np.zeros((fine.size, self.robot.n)), np.zeros((fine.size, self.robot.m))
-        for (a, q0, u0), (b, q1, u1) in zip(stops, stops[1:], strict=False):
+        for (a, q0, u0), (b, q1, u1) in zip(self._stops, self._stops[1:], strict=False):
             own = (fine >= a - 1e-12) & (fine <= b + 1e-12)
             x = (fine[own] - a) / (b - a)
             pace = x**3 * (10 - 15 * x + 6 * x**2)
             steps, states = self._between(q0, u0, q1, u1, straight)
             q[own] = np.column_stack([np.interp(pace, steps, column) for column in states.T])
             u[own] = u0 + pace[:, None] * (u1 - u0)
-        return Course(fine, q, u, question.span.guess)
+        return Course(fine, q, u, self.question.span.guess)
 
-    def _rest_inputs(self):
-        lower, upper = self.question.input_limits()
-        u = np.clip(np.zeros(self.robot.m), lower, upper)
-        for i, value in self.given.items():
-            u[i] = value
-        return u
+    @cached_property
+    def _stops(self):
+        """(share of the duration, q, u) at the start and at every moment."""
+        shares, u = np.concatenate([[0.0], np.cumsum(self.question.shares)]), self.start[2]
+        stops = [(0.0, self.start[0], np.where(np.isfinite(u), u, rest_inputs(self.question)))]
+        for path, k, moment in self.question.moments:
+            stops.append((shares[k], *self._posture(path, moment, *stops[-1][1:])))
+        return stops
 
     def _posture(self, path, moment, q, u):
         """(q, u) near what a moment asks for; from the ones before where nothing is known."""
@@ -204,19 +200,25 @@ class Guesses:
         return bool(np.max(np.abs(r / self.balance.scales.force)) < 1e-6)
 
 
-def settled(question):
-    """((q, v, u) at t = 0, u NaN where it may be any, None), or (None, status) where no rest shape is found."""
-    start = question.start
+def rest_inputs(question):
+    """Inputs [m] without effort: those given, else 0 or the limit nearest 0."""
     lower, upper = question.input_limits()
     u = np.clip(np.zeros(question.robot.m), lower, upper)
-    for given, path in ((question.inputs, "inputs"), (start.inputs, "start.inputs")):
-        for i, value in question.named("inputs", given, path).items():
-            u[i] = value
+    for i, value in question.named("inputs", question.inputs).items():
+        u[i] = value
+    return u
+
+
+def settled(question):
+    """((q, v, u) at t = 0, u NaN where it may be any, None), or (None, status) where no rest shape is found."""
+    start, u = question.start, rest_inputs(question)
+    own = question.named("inputs", start.inputs, "start.inputs")
+    for i, value in own.items():
+        u[i] = value
     q, v = question.first_coordinates(), np.zeros(question.robot.n)
     if not start.is_settled:
         for i, value in question.rates(start.rates, "start.rates").items():
             v[i] = value
-        own = question.named("inputs", start.inputs, "start.inputs")
         return (q, v, np.array([own.get(i, np.nan) for i in range(u.size)])), None
     balance = Balance(replace(question.loaded, compiled=False))
     held = question.named("coordinates", question.coordinates)
