@@ -13,9 +13,10 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from socontrol.mechanics.actuators import Chamber, Converging, JointTorque, Tendon
+from socontrol.mechanics.actuators import Chamber, JointTorque, Tendon
 from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.mechanics.robot import Description, Robot
+from socontrol.mechanics.routes import Converging, Helix
 from socontrol.model.bodies import Body, Placement
 from socontrol.model.joints import (
     Cylindrical,
@@ -168,6 +169,29 @@ def threaded():
     )
 
 
+def guided():
+    """Helical cables and a helical chamber, through a block and a hinge with guide holes, placements between them."""
+    helix = Helix(radius=0.006, turns=0.9, phase=0.4, end_radius=0.003)
+    off = Placement(position=(0.004, 0.001, -0.002), rotation=(0.2, 0.1, -0.3))
+    chain = ("lower", "block", "hinge", "upper")
+    guides = {"block": ((0.005, 0.004, 0.003), (0.02, -0.002, 0.005)), "hinge": ((0.01, 0.002, 0.006),)}
+    return Description(
+        segments={
+            "lower": rod(sections=1, strains="simo_reissner", quadrature=10),
+            "block": Fixed(parent="lower", placement=off, tip=TIP),
+            "hinge": Revolute(axis=(0.1, 1.0, 0.2), parent="block", placement=off, stiffness=0.2, tip=TIP),
+            "upper": rod(parent="hinge", sections=1, length=0.1, placement=off, quadrature=10),
+        },
+        actuators={
+            "helix": Tendon(along=chain, offset=helix),
+            "guided": Tendon(along=chain, offset=Converging(start=(0.008, 0.002), end=(-0.003, 0.005)), holes=guides),
+            "part": Tendon(along=chain, offset=helix, from_=0.2, to=0.9, holes={"hinge": ((0.01, 0.0, 0.0),)}),
+            "wound": Chamber(along=("lower",), offset=Helix(radius=0.005, turns=-0.8), area=2e-5),
+            "level": Chamber(along=("upper",), offset=helix, area=2e-5, direction="normal"),
+        },
+    )
+
+
 def chambers():
     pair = ((0.006, 0.003), (0.006, -0.003))
     return Description(
@@ -266,6 +290,7 @@ ROBOTS = {
     **special_rods(),
     "branched": branched(),
     "threaded": threaded(),
+    "guided": guided(),
     "chambers": chambers(),
     "loaded": loaded(),
     "two_roots": two_roots(),
@@ -636,35 +661,43 @@ class Plain:
 
     # lines
 
-    def length(self, q, along, offset, span=(0.0, 1.0), normal=False):
-        """Length [...] of a line along the segments, as polygons of ever more corners.
+    def length(self, q, along, offset, span=(0.0, 1.0), normal=False, holes=None, corners=16):
+        """Length [...] of a line along the segments: polygons of ever more corners in rods, straight from hole to hole.
 
         `normal`: instead the sum of its steps along the section normals, that of a chamber pushing along e1.
         """
         q = np.asarray(q)
         stations = self.stations(q)
         sizes = [self._extent(name) for name in along]
-        done, total = np.cumsum([0, *sizes]) / sum(sizes), 0
+        done, total, here = np.cumsum([0, *sizes]) / sum(sizes), 0, None
         for name, first, last in zip(along, done, done[1:], strict=False):
             s = self.segments[name]
             if isinstance(s, Rod):
-                edges = np.array(bounds(s))
+                edges = first + (last - first) * np.array(bounds(s))
                 for i in range(len(edges) - 1):
-                    a, b = (first + (last - first) * edges[i : i + 2]).clip(*span)
+                    a, b = edges[i : i + 2].clip(*span)
                     if b > a:
-                        total = total + self._section_length(
-                            q, name, i, stations, offset, (first, last), (a, b), normal
+                        part, begin, here_after = self._section_length(
+                            q, name, i, stations, offset, (first, last), (a, b), normal, corners
                         )
-            elif s.units and span[0] < last and span[1] > first:
-                begin = stations[name][0] @ point(*offset(first))
-                total = total + norm((stations[name][2] @ point(*offset(last)) - begin)[..., :3])
+                        total = total + part + (0 if here is None or normal else norm(begin - here))
+                        here = here_after
+            elif span[0] < last and span[1] > first:
+                for point in self._holes(stations[name], offset, first, last, (holes or {}).get(name)):
+                    total, here = total + (0 if here is None else norm(point - here)), point
         return total
+
+    def _holes(self, frames, offset, first, last, given):
+        """Points [... 3] of the holes of a joint, whose base, moving and end frame are given."""
+        places = [(frames[1], p) for p in given or ()]
+        places = places or [(frames[0], (0, *offset(first))), (frames[2], (0, *offset(last)))]
+        return [(g @ np.array([*p, 1.0]))[..., :3] for g, p in places]
 
     def _extent(self, name):
         s = self.segments[name]
         return s.length if isinstance(s, Rod) else np.linalg.norm(s.tip.position)
 
-    def _section_length(self, q, name, i, stations, offset, whole, part, normal, corners=16):
+    def _section_length(self, q, name, i, stations, offset, whole, part, normal, corners):
         s, xi = self.segments[name], self.strain(q, name, i)
         X = part[0] + (part[1] - part[0]) * np.arange(2 * corners + 1) / (2 * corners)
         own = (X - whole[0]) / (whole[1] - whole[0]) - bounds(s)[i]
@@ -677,14 +710,15 @@ class Plain:
                 sums.append((frames[stride // 2 :: stride, ..., :3, 0] * steps).sum((0, -1)))
             else:
                 sums.append(norm(steps).sum(0))
-        return romberg(sums)
+        return romberg(sums), places[0], places[-1]
 
     def lengths(self, q):
         """Gain times length [...] of each tendon and chamber, projected length where it pushes along e1."""
         out = []
         for a in (self.robot.actuators or {}).values():
             if isinstance(a, Tendon):
-                out.append(-self.length(q, a.along, routing(a.offset), (a.from_, a.to)))
+                span, corners = (a.from_, a.to), corners_of(a.offset)
+                out.append(-self.length(q, a.along, routing(a.offset), span, holes=a.holes, corners=corners))
             elif isinstance(a, Chamber):
                 offsets = (
                     a.offset
@@ -692,7 +726,8 @@ class Plain:
                     else (a.offset,)
                 )
                 normal = a.direction == "normal"
-                out.append(a.area * sum(self.length(q, a.along, routing(o), normal=normal) for o in offsets))
+                ways = (self.length(q, a.along, routing(o), normal=normal, corners=corners_of(o)) for o in offsets)
+                out.append(a.area * sum(ways))
         return out
 
     def actuation(self, q):
@@ -794,7 +829,16 @@ def routing(offset):
     """(y, z) of a line as a function of the way along it."""
     if isinstance(offset, Converging):
         return lambda X: tuple((1 - X) * a + X * b for a, b in zip(offset.start, offset.end, strict=True))
+    if isinstance(offset, Helix):
+        end = offset.radius if offset.end_radius is None else offset.end_radius
+        turn = lambda X: np.exp(1j * (offset.phase + 2 * pi * offset.turns * X)) * ((1 - X) * offset.radius + X * end)  # noqa: E731
+        return lambda X: (turn(X).real, turn(X).imag)
     return lambda X: offset
+
+
+def corners_of(offset):
+    """Corners of the finest polygon along a line: a helix winds within a section."""
+    return 64 if isinstance(offset, Helix) else 16
 
 
 def norm(x):

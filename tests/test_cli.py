@@ -198,13 +198,6 @@ def test_bad_files_exit_3_and_write_nothing(folder, socontrol):
     assert not (folder / "results").exists()
 
 
-def test_a_type_that_is_not_built_yet_is_refused_with_a_sentence(folder, socontrol):
-    code, _, err = solve(socontrol, "reach.yaml", "--set", "type=tensions")
-    assert code == 3
-    told = r"--set type: .tensions. \(optimised tendon tensions\) is not built yet; this version .*\n"
-    assert re.fullmatch(told, err)
-
-
 def test_a_robot_file_is_no_problem_and_says_so(folder, socontrol):
     code, _, err = solve(socontrol, "arm.yaml")
     sentence = "this is a robot; a problem file asks something of one (`robot: PATH`)"

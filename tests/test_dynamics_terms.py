@@ -123,12 +123,18 @@ TABLE = {**ROBOTS, **EXTRA}
 
 @cache
 def described(name):
-    """A robot on dry land (`test_fluids` takes them into the water), its rods of few sections: more cost time only."""
+    """A robot on dry land (`test_fluids` takes them into the water), its rods of few sections: more cost time only.
+
+    Cables do not rub: the friction of a motion is that of its rates (`test_friction`).
+    """
     if name in TABLE:
         return TABLE[name]
     description = socontrol.load_robot(SHIPPED[name]).description
     loads = {key: load for key, load in (description.loads or {}).items() if not isinstance(load, Fluid)}
-    return replace(description, loads=loads, segments={k: shortened(s) for k, s in description.segments.items()})
+    cables = {k: replace(a, friction=0.0) if isinstance(a, Tendon) else a
+              for k, a in (description.actuators or {}).items()}  # fmt: skip
+    segments = {k: shortened(s) for k, s in description.segments.items()}
+    return replace(description, loads=loads, segments=segments, actuators=cables)
 
 
 def shortened(s):

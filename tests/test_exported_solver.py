@@ -26,6 +26,7 @@ SHIPPED = [  # statics and inverse statics that compile in a few seconds
     "elastica",
     "roll_up",
     "steel_rod_tendons",
+    "steel_rod_three_tendons",
     "stiff_flop_mini_circle",
     "stiff_flop_reach",
     "stiff_flop_two_modules_pose",

@@ -20,10 +20,10 @@ from socontrol.programs.costs import COSTS, Effort, Reference, StrainEnergy
 from socontrol.programs.goals import (
     GOALS,
     AxisDirection,
-    Circle,
+    Curvature,
+    CurvaturePoint,
     Path,
     Point,
-    Polygon,
     Pose,
     PoseTarget,
     Shape,
@@ -33,6 +33,7 @@ from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.question import Bounds, Guess
 from socontrol.programs.scaling import scales
 from socontrol.programs.solver import Ipopt
+from socontrol.programs.waypoints import Circle, FigureEight, Polygon
 from socontrol.quantities import Bad
 
 SHARES = (0.5, 0.2, 0.1, 0.3, 0.1, 0.4)  # of the full pressure
@@ -131,6 +132,13 @@ def shape():
     return robot, {"line": Shape(on="high", target=points, weight=1e4)}
 
 
+def curvature():
+    robot, _, q, _ = tip_of("one", 0.6, 0.1, 0.3)
+    names = robot.coordinates
+    bends = {bend: float(q[names.index(f"low.1.{bend}")]) for bend in ("bend_y", "bend_z")}
+    return robot, {"bend": Curvature(on="low", target=(CurvaturePoint(at=0.75, **bends),))}
+
+
 def several():
     robot, _, q, g = tip_of("two", *SHARES)
     return robot, {
@@ -154,6 +162,7 @@ QUESTIONS = {
     "axis": axis,
     "side_axis": side_axis,
     "shape": shape,
+    "curvature": curvature,
     "several": several,
     "path": path,
 }
@@ -169,6 +178,10 @@ def missed(goal, robot, q):
     """Largest miss of a goal in metres or radians, in numpy."""
     if isinstance(goal, Shape):
         return max(np.linalg.norm(frame(robot, q, goal.on, p.at)[:3, 3] - p.position) for p in goal.target)
+    if isinstance(goal, Curvature):
+        names = robot.coordinates
+        return max(abs(q[names.index("low.1.bend_y")] - goal.target[0].bend_y),
+                   abs(q[names.index("low.1.bend_z")] - goal.target[0].bend_z))  # fmt: skip
     if isinstance(goal, Path):
         return np.linalg.norm(frame(robot, q, goal.on, goal.at)[:3, 3] - goal.waypoints()[-1])
     g = frame(robot, q, goal.on, goal.at)
@@ -433,6 +446,9 @@ def around(*offsets):
 
 TRIPS = {
     "circle": lambda: circle(6),
+    "eight": lambda: FigureEight(
+        center=tuple(middle()), width=8e-3, height=4e-3, normal=(1.0, 0.0, 0.0), start=(0.0, 1.0, 0.0), count=6
+    ),
     "polygon": lambda: Polygon(corners=around([0, 4e-3, 0], [0, -4e-3, 0], [0, 0, -6e-3]), spacing=0.005),
     "points": lambda: around([0, 0, -2e-3], [1e-3, 2e-3, -2e-3], [1e-3, 4e-3, 0]),
 }

@@ -15,9 +15,10 @@ import pytest
 from robots import array
 from scipy.spatial.transform import Rotation
 
-from socontrol.mechanics.actuators import Chamber, Converging, Tendon
+from socontrol.mechanics.actuators import Chamber, Tendon
 from socontrol.mechanics.loads import Wrench
 from socontrol.mechanics.robot import Description, Robot
+from socontrol.mechanics.routes import Converging, Helix
 from socontrol.model.bodies import Placement
 from socontrol.model.joints import Fixed, Revolute
 from socontrol.model.materials import Linear
@@ -34,6 +35,7 @@ FILES = [
     "octopus_arm",
     "self_weight",
     "stiffflop",
+    "tendon_helical",
     "tendon_straight",
     "tip_dead_load_full",
     "tip_dead_load_inextensible",
@@ -46,6 +48,7 @@ SLOPES = {  # numbers of sections whose errors are asymptotic
     "follower_tip_force": (4, 8, 16),
     "octopus_arm": (8, 16, 32),
     "self_weight": (4, 8, 16),
+    "tendon_helical": (8, 16, 32),
     "tendon_straight": (4, 8, 16),
     "tip_dead_load_full": (4, 8, 16),
     "tip_dead_load_inextensible": (4, 8, 16),
@@ -81,6 +84,8 @@ def actuator(line, pulls):
         for r in (line["r_base"], line["r_tip"])
     ]
     offset = ends[0] if ends[0] == ends[1] else Converging(start=ends[0], end=ends[1])
+    if line.get("turns"):
+        offset = Helix(radius=line["r_base"], end_radius=line["r_tip"], turns=line["turns"], phase=line["phase"])
     if pulls:
         return Tendon(along=("arm",), offset=offset)
     direction = {"e1": "normal", "tangent": "tangent"}[line["mode"]]
@@ -263,6 +268,17 @@ def test_the_elastica_of_elliptic_integrals_is_approached_by_extrapolation(index
     once = [b + (b - a) / 3 for a, b in zip(tips, tips[1:], strict=False)]
     tip = once[1] + (once[1] - once[0]) / 15
     np.testing.assert_allclose(tip, [exact["x_over_L"], 0, -exact["deflection_over_L"]], rtol=0, atol=2e-4)
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_the_continuous_rod_with_a_helical_tendon_is_reached_by_extrapolation(index):
+    spec, result = oracle("tendon_helical")["spec"], oracle("tendon_helical")["results"][index]
+    tips = [solved("tendon_helical", index, N)[1] for N in (8, 16, 32)]
+    once = [b + (b - a) / 3 for a, b in zip(tips, tips[1:], strict=False)]
+    g = once[1] + (once[1] - once[0]) / 15
+    exact = np.array(result["continuous"]["tip_pose"])
+    np.testing.assert_allclose(g[:3, 3], exact[:3, 3], rtol=0, atol=1e-7 * spec["L"])  # 2e-4 L with 32 sections
+    np.testing.assert_allclose(g[:3, :3], exact[:3, :3], rtol=0, atol=2e-7)
 
 
 @pytest.mark.parametrize(("name", "index"), cases("bend45"))

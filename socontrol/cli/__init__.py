@@ -44,6 +44,7 @@ class Family(StrEnum):
     materials = "materials"
     loads = "loads"
     actuators = "actuators"
+    routes = "routes"
     goals = "goals"
     costs = "costs"
     plan_costs = "plan_costs"

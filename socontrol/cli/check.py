@@ -4,7 +4,7 @@ from dataclasses import fields
 
 from socontrol.cli.errors import told
 from socontrol.files.loader import override
-from socontrol.files.problem_file import LATER, question_of, resolved, solver_of
+from socontrol.files.problem_file import question_of, resolved, solver_of
 from socontrol.files.robot_file import robot_of
 from socontrol.files.yaml_reader import FileError, UnreadableFile, read_yaml
 from socontrol.mechanics.robot import Description
@@ -47,7 +47,7 @@ def kind_of(data):
     kind = data.get("type")
     if "segments" in data:
         return "robot"
-    if "robot" in data or (isinstance(kind, str) and kind in (*QUESTIONS, *LATER)):
+    if "robot" in data or (isinstance(kind, str) and kind in QUESTIONS):
         return "problem"
     if isinstance(kind, str) and kind in SOLVERS:
         return "solver"

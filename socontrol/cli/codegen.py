@@ -38,7 +38,8 @@ def _export(path, output, functions, real, force, overrides):
         say(f"{path}: {error}", own=False)
         return LIMIT
     except (Bad, NotExportable) as error:
-        say(f"{path}: {error}", own=False)
+        key = getattr(error, "key", "")
+        say(f"{path}: {f'{key}: ' * bool(key)}{error}", own=False)
         return BAD_FILE
     for name, why in written.too_large.items():
         say(f"left out: {name}: {why}")

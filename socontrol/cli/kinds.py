@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 
 from socontrol.cli.console import console
-from socontrol.files.problem_file import LATER
 from socontrol.lie.screws import screw_system
 from socontrol.mechanics.actuators import ACTUATORS
 from socontrol.mechanics.loads import LOADS
+from socontrol.mechanics.routes import ROUTES
 from socontrol.model.bases import STRAIN_SETS, XI_BAR, selection
 from socontrol.model.joints import JOINTS
 from socontrol.model.materials import MATERIALS
@@ -28,6 +28,7 @@ FAMILIES = {  # family: (table, where it stands in a file)
     "sections": (SECTIONS, "robot: segments.NAME.cross_section.type of a rod"),
     "materials": (MATERIALS, "robot: segments.NAME.material.type of a rod"),
     "actuators": (ACTUATORS, "robot: actuators.NAME.type"),
+    "routes": (ROUTES, "robot: actuators.NAME.offset.type of a tendon or chamber"),
     "loads": (LOADS, "robot or problem: loads.NAME.type"),
     "goals": (GOALS, "problem: goals.NAME.type"),
     "costs": (COSTS, "problem: costs.NAME.type"),
@@ -67,8 +68,6 @@ def show_family(kind):
         _joint_table(out, kind)
         return 0
     rows = [(name, _first_line(cls), _keys(cls)) for name, cls in table.items()]
-    if kind == "problems":
-        rows += [(name, f"Not built yet: {what}.", "") for name, what in LATER.items()]
     _table(out, ("type", "what", "keys (* needed)"), rows)
     return 0
 

@@ -35,8 +35,10 @@ def _gif(folder, result, output):
     from socontrol.report.motion import MOVING
     from socontrol.report.motion_gif import write_gif
 
-    if result.type not in MOVING:
-        say(f"{folder}: a result of type {result.type} does not move; --gif wants one of type {' or '.join(MOVING)}")
+    kind = result.details.get("kind", "motion")
+    if result.type not in MOVING or kind != "motion":
+        what = result.type if kind == "motion" else f"{result.type} of a {kind}"
+        say(f"{folder}: a result of type {what} does not move; --gif wants one of type {' or '.join(MOVING)}")
         return None
     output.mkdir(parents=True, exist_ok=True)
     path = output / "motion.gif"

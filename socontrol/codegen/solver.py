@@ -1,11 +1,11 @@
-"""The whole solver of a `statics` or `inverse_statics` question as a part of a folder of C code.
+"""The whole solver of a `statics`, `inverse_statics` or `tensions` question as a part of a folder of C code.
 
 The algorithm is plain C (templates/solver); this file writes what differs: sizes, limits, scales, the arguments by
 name, and the CasADi Function of the rows. A solver owns nothing: its memory stands in the caller's struct, its
 workspace in a static pool of slots.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import resources
 
@@ -20,6 +20,7 @@ from socontrol.programs.reduced import Reduced
 from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad
 
+BEYOND = ("motion", "compliance", "lengths", "motors", "volumes", "timing", "together", "limits", "smoothness")
 TEMPLATES = ("dense.c", "qp.c", "sqp.c", "api.c")
 ROWS = "sqp_rows"  # C name of the Function of the rows
 CONSTANTS = {  # of templates/solver/sqp.c
@@ -52,14 +53,22 @@ def part(question):
     """SolverPart of a question; raises Bad for a question of another type or one that cannot be exported."""
     if not isinstance(question, Statics | InverseStatics):
         kind = next(name for name, cls in QUESTIONS.items() if isinstance(question, cls))
-        sentence = "has no solver in C; statics and inverse_statics have, and a robot file gives plain functions"
+        sentence = "has no solver in C; statics, inverse_statics and tensions have; a robot file gives plain functions"
         raise Bad("type", f"'{kind}' {sentence}")
+    _refuse_beyond_postures(question)
     try:
         return SolverPart(question, Reduced(question))
     except ValueError as error:
         if isinstance(error, Bad):
             raise
         raise Bad("robot", str(error)) from None
+
+
+def _refuse_beyond_postures(question):
+    """Raise Bad for what a solver of single postures would leave out without a word."""
+    for known in fields(question):
+        if known.name in BEYOND and getattr(question, known.name) != known.default:
+            raise Bad(known.name, "a solver in C holds postures of least cost, inputs by tension; leave this key out")
 
 
 @dataclass(frozen=True)

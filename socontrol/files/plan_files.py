@@ -1,4 +1,5 @@
-"""Files that a planned motion names: an earlier motion as its guess, and positions in time to follow.
+"""Files that a question of motion names: an earlier motion (a plan's guess, or what tensions shall make), and
+positions in time to follow.
 
 What they hold takes their place in the document, so that a resolved problem needs no other file.
 """
@@ -12,29 +13,32 @@ from socontrol.files.csv_reader import read_sheet, short
 from socontrol.files.yaml_reader import FileError, UnreadableFile, one_line, read_yaml
 from socontrol.quantities import nearest, show
 
-MOST_NUMBERS = 4000  # of a guess: longer motions are thinned, for a file holds at most 10 000 values
+MOST_NUMBERS = 4000  # of a motion: longer ones are thinned, for a file holds at most 10 000 values
 MOST_POSITIONS = 1500  # to follow, for the same reason
-DIGITS = 12  # of a guess
+DIGITS = 12  # of the numbers of a motion
 KEYS = ("coordinates", "inputs")
 OTHERS = ("qd.", "qdd.", "ud.", "length.")  # beginnings of further columns that `plan.csv` has
 
 
 def motions_inlined(document, folder, names_of):
-    """The document of a planned motion with the files of its guess and its costs read.
+    """The document of a motion with the files of its guess, its costs or its wanted motion read.
 
     names_of(document): {"coordinates": names, "inputs": names} of the robot inside a document; FileError where that
     is no robot. Raises FileError.
     """
-    if document.data.get("type") != "trajectory":
+    key = {"trajectory": "guess", "tensions": "motion"}.get(str(document.data.get("type")))
+    if key is None:
         return document
-    guess = document.data.get("guess")
-    if isinstance(guess, dict) and guess.get("file") is not None:
+    entry = document.data.get(key)
+    if isinstance(entry, dict) and entry.get("file") is not None:
         try:
             names = names_of(document)
         except FileError:  # of the robot, which is said when the question is read
             return document
-        given = _guess(document, guess, folder, names, names_of)
-        document = replace(document, data={**document.data, "guess": given})
+        given = _motion(document, key, folder, names, names_of)
+        document = replace(document, data={**document.data, key: given})
+    if key == "motion":
+        return document
     costs = document.data.get("costs")
     for name, entry in (costs.items() if isinstance(costs, dict) else ()):
         if isinstance(entry, dict) and entry.get("type") == "tracking" and entry.get("file") is not None:
@@ -43,26 +47,30 @@ def motions_inlined(document, folder, names_of):
     return document
 
 
-# Guesses
+# Motions
 
-def _guess(document, entry, folder, names, names_of):
-    """Mapping of a guess without `file`: its times, coordinates and inputs."""
-    _refuse_both(document, ("guess",), entry, ("times", *KEYS))
-    path, file = ("guess", "file"), entry["file"]
+def _motion(document, own, folder, names, names_of):
+    """Mapping of the key `own` of the document without `file`: its times, coordinates and, for a guess, inputs."""
+    entry, keys = document.data[own], KEYS if own == "guess" else KEYS[:1]
+    _refuse_both(document, (own,), entry, ("times", *KEYS))
+    path, file = (own, "file"), entry["file"]
     if isinstance(file, str) and (folder / file).is_dir():
-        times, columns = _folder_columns(document, file, short(folder / file), names_of)
+        times, columns = _folder_columns(document, path, file, short(folder / file), names_of)
     else:
         times, columns = _sheet_columns(read_sheet(document, path, file, folder), names)
     if len(times) < 2:
         raise document.error(path, f"'{file}' has {len(times)} row{'s' * (len(times) != 1)} of numbers; two are wanted")
     for key, name in columns:
-        if name not in names[key]:
+        if key in keys and name not in names[key]:
             near = nearest(name, names[key])
             raise document.error(path, f"'{file}' has a {key[:-1]} '{name}', which this robot lacks{near}")
+    columns = {(key, name): values for (key, name), values in columns.items() if key in keys}
+    if not columns:
+        raise document.error(path, f"'{file}' has no column of a coordinate")
     kept = _thinned(len(times), 1 + len(columns))
     given = {"times": _rounded(times, kept)}
-    for key in KEYS:
-        given[key] = {name: _rounded(values, kept) for (own, name), values in columns.items() if own == key}
+    for key in keys:
+        given[key] = {name: _rounded(values, kept) for (kind, name), values in columns.items() if kind == key}
     return {**{key: value for key, value in entry.items() if key != "file"}, **given}
 
 
@@ -116,9 +124,8 @@ def _meaning(sheet, head, names):
     return found[0]
 
 
-def _folder_columns(document, file, folder, names_of):
-    """(times, {(key, name): numbers}) of a result folder, of a plan or a simulation."""
-    path = ("guess", "file")
+def _folder_columns(document, path, file, folder, names_of):
+    """(times, {(key, name): numbers}) of a result folder, of a plan, a simulation or tensions of a motion."""
     try:
         with np.load(folder / "arrays.npz", allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in ("t", "q", "u") if name in stored.files}
@@ -132,25 +139,25 @@ def _folder_columns(document, file, folder, names_of):
         names = names_of(read_yaml(folder / "problem.resolved.yaml"))
     except (FileError, UnreadableFile) as error:
         raise document.error(path, one_line(f"'{file}' does not say which robot moved: {error}")) from None
-    _refuse_shapes(document, file, arrays, names)
+    _refuse_shapes(document, path, file, arrays, names)
     columns = {}
     for key, letter in zip(KEYS, "qu", strict=True):
         columns |= {(key, name): arrays[letter][:, i] for i, name in enumerate(names[key])}
     return arrays["t"], columns
 
 
-def _refuse_shapes(document, file, arrays, names):
+def _refuse_shapes(document, path, file, arrays, names):
     """Raise FileError unless arrays are finite numbers at rising times, as many as names."""
     t = arrays["t"]
     shapes = {"t": t.shape, "q": (t.size, len(names["coordinates"])), "u": (t.size, len(names["inputs"]))}
     for name, shape in shapes.items():
         array = arrays[name]
         if array.ndim != len(shape) or array.shape != shape or array.dtype.kind != "f":
-            raise document.error(("guess", "file"), f"'{file}': {name} is not an array {list(shape)} of numbers")
+            raise document.error(path, f"'{file}': {name} is not an array {list(shape)} of numbers")
         if not np.all(np.isfinite(array)):
-            raise document.error(("guess", "file"), f"'{file}': {name} holds numbers that are not finite")
+            raise document.error(path, f"'{file}': {name} holds numbers that are not finite")
     if np.any(np.diff(t) <= 0):
-        raise document.error(("guess", "file"), f"'{file}': its times do not rise")
+        raise document.error(path, f"'{file}': its times do not rise")
 
 
 # Costs

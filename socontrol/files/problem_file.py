@@ -26,11 +26,11 @@ from socontrol.programs.singular import unheld
 from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad, fields_of, joined, nearest, show
 
-LATER = {  # problem types of the file format that this version does not answer
-    "tensions": "optimised tendon tensions",
-}
 REFERENCES = ("robot", "solver")  # keys that may hold the path of a file instead of a mapping
-HISTORIES = ("inputs", "coordinates", "load_factors")  # keys whose values may stand in comma-separated files
+HISTORIES = (  # paths of mappings whose values may stand in comma-separated files
+    ("inputs",), ("coordinates",), ("lengths",), ("motors",), ("volumes",), ("load_factors",),
+    ("motion", "coordinates"),
+)  # fmt: skip
 
 
 def load_problem(path, overrides=()):
@@ -68,7 +68,7 @@ def _opened(document, text):
     """The document with what an override reaches into; FileError where it means a key of the robot."""
     head = text.split(".")[0].split("=")[0].strip()
     if head == "solver" and "solver" not in document.data:
-        kind = QUESTIONS.get(document.data.get("type"), QUESTIONS["statics"])
+        kind = QUESTIONS.get(str(document.data.get("type")), QUESTIONS["statics"])
         return replace(document, data={**document.data, "solver": {"type": next(iter(kind.solvers))}})
     robot = document.data.get("robot")
     if head not in document.data and isinstance(robot, dict) and head in robot:
@@ -92,15 +92,22 @@ def inlined(document, folder):
 
 def tabled(document, folder):
     """The document with the columns of comma-separated files in the place of the tables that name them."""
-    for key in HISTORIES:
-        given = document.data.get(key)
+    for path in HISTORIES:
+        given = document.data
+        for key in path:
+            given = given.get(key) if isinstance(given, dict) else None
         for name, entry in (given.items() if isinstance(given, dict) else ()):
             if isinstance(entry, dict) and entry.get("type") == "table" and "file" in entry:
-                filled = {**entry, **columns_of(document, (key, name), entry, folder)}
+                filled = {**entry, **columns_of(document, (*path, name), entry, folder)}
                 filled = {k: v for k, v in filled.items() if k not in ("file", "column")}
-                data = {**document.data, key: {**document.data[key], name: filled}}
-                document = replace(document, data=data)
+                document = replace(document, data=_put(document.data, (*path, name), filled))
     return document
+
+
+def _put(data, path, value):
+    """The mapping with another value at a path of keys."""
+    key, *rest = path
+    return {**data, key: _put(data[key], rest, value) if rest else value}
 
 
 def names_of(document):
@@ -167,9 +174,6 @@ def _kind(document):
     if "type" not in data:
         raise document.error(("type",), f"missing key 'type' ({joined(QUESTIONS)})")
     kind = data["type"]
-    if isinstance(kind, str) and kind in LATER:
-        built = joined(QUESTIONS, "and")
-        raise document.error(("type",), f"'{kind}' ({LATER[kind]}) is not built yet; this version answers {built}")
     if not isinstance(kind, str) or kind not in QUESTIONS:
         raise document.error(("type",), f"unknown problem type {show(kind)}{nearest(kind, QUESTIONS)}")
     return QUESTIONS[kind]

@@ -144,7 +144,7 @@ def _fill(folder, result, document, comparisons, draw):
     np.savez(folder / "arrays.npz", **result.arrays)
     if "path.u" in result.arrays:
         (folder / "path.csv").write_text(_path_table(result), encoding="utf-8")
-    if result.type == "trajectory" and "t" in result.arrays:
+    if result.type in ("trajectory", "tensions") and "t" in result.arrays:
         (folder / "plan.csv").write_text(table(result), encoding="utf-8")
     (folder / "problem.resolved.yaml").write_text(yaml_text(document.data), encoding="utf-8")
     (folder / "log.txt").write_text(_log(result), encoding="utf-8")
@@ -158,12 +158,18 @@ def _fill(folder, result, document, comparisons, draw):
 
 
 def _path_table(result):
-    """Inputs and position at each waypoint as comma-separated text, for a controller."""
+    """Inputs, position and what is known of times and lengths at each waypoint as comma-separated text, for a
+    controller."""
     robot, arrays = result.question.robot, result.arrays
     inputs = [f"{name} [{unit}]" for name, unit in zip(robot.inputs, robot.input_units, strict=True)]
-    rows = [",".join(["waypoint", *inputs, "x [m]", "y [m]", "z [m]"])]
-    for k, (u, tip) in enumerate(zip(arrays["path.u"], arrays["path.tip"], strict=True)):
-        rows.append(",".join([str(k + 1), *(f"{x:.12g}" for x in (*u, *tip))]))
+    head, columns = [*inputs, "x [m]", "y [m]", "z [m]"], [arrays["path.u"], arrays["path.tip"]]
+    if "path.t" in arrays:
+        head, columns = ["t [s]", *head], [arrays["path.t"][: len(columns[0]), None], *columns]
+    if "path.lengths" in arrays:
+        head += [f"length.{name} [{unit}]" for name, unit in zip(robot.inputs, robot.length_units, strict=True)]
+        columns.append(arrays["path.lengths"])
+    rows = [",".join(["waypoint", *head])]
+    rows += [",".join([str(k + 1), *(f"{x:.12g}" for x in row)]) for k, row in enumerate(np.hstack(columns))]
     return "\n".join(rows) + "\n"
 
 

@@ -1,15 +1,17 @@
-"""Actuators: tendons, pressure chambers and joint torques as a file describes them, and where their lines run.
+"""Actuators as a file describes them: tendons, pressure chambers, joint torques and moments inside rods.
 
-tau = B(q) u, column by column and piece by piece; what a line does to one piece stands in `lines`.
+tau = B(q) u, column by column and piece by piece; what a line does to one piece stands in `lines`, where it runs in
+`courses`.
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import casadi as ca
 
-from socontrol.lie import se3
-from socontrol.mechanics.lines import Bending, Chord, NormalLine, RodLine, Torque, norm
+from socontrol.mechanics import courses
+from socontrol.mechanics.lines import Bending, NormalLine, RodLine, Torque
+from socontrol.mechanics.routes import Converging, Offset, Winding
 from socontrol.model.bases import STRAINS
 from socontrol.quantities import (
     Area,
@@ -17,174 +19,78 @@ from socontrol.quantities import (
     Count,
     Either,
     Fraction,
+    Length,
     Limits,
-    Metre,
     Newton,
     NewtonMetre,
+    NonNegativeNumber,
     OneOf,
-    Pair,
     Pascal,
+    Position,
     Unit,
-    nearest,
+    other_wanted,
     record,
 )
 
-# Routing: where a line runs
 
-Offset = Pair[Metre]
+class _Way(Unit):
+    """`in`, `out`, or a number between."""
 
+    shapes = frozenset({"number", "text"})
+    words = {"in": 1.0, "out": -1.0}
+    wanted = "in, out or a number from -1 to 1"
 
-@record(kw_only=True)
-class Converging:
-    """(y, z) changes linearly from `start` to `end` over all the segments the line runs along."""
-
-    start: Offset
-    end: Offset
-
-
-@dataclass(frozen=True)
-class Route:
-    """Offset of a line as a function of the fraction `X` of the way along all its segments."""
-
-    start: Any
-    stop: Any
-    total: Any
-
-    def at(self, X):
-        """d [3]."""
-        return ca.vertcat(0, *((1 - X) * a + X * b for a, b in zip(self.start, self.stop, strict=True)))
-
-    def slope(self):
-        """dd/ds [3]."""
-        return ca.vertcat(0, *((b - a) / self.total for a, b in zip(self.start, self.stop, strict=True)))
-
-    @property
-    def parallel(self):
-        return self.start is self.stop
+    def read(self, value):
+        if isinstance(value, str) and value not in self.words:
+            raise other_wanted(value, self.wanted)
+        return super().read(self.words.get(value, value) if isinstance(value, str) else value)
 
 
-def _route(offset, total):
-    if isinstance(offset, Converging):
-        return Route(offset.start, offset.end, total)
-    return Route(offset, offset, total)
-
-
-def lines(tree, along, offset, gain, span=(0.0, 1.0), kind=RodLine):
-    """The pieces' shares of one line along the named segments, in order from `span[0]` to `span[1]` of the whole.
-
-    Raises Bad for unknown segments, segments that are no chain, joints where a chamber cannot run, and cables of no
-    length through a joint.
-    """
-    for index, name in enumerate(along):
-        if name not in tree.of:
-            raise Bad(f"along.{index}", _unknown(name, tree))
-    for index, (before, name) in enumerate(zip(along, along[1:], strict=False), start=1):
-        _refuse_gap(tree, before, name, f"along.{index}")
-    lengths = {name: _length(tree, name) for name in along}
-    total = sum(lengths.values())
-    route, done, shares = _route(offset, total), 0.0, []
-    for name in along:
-        for i in tree.of[name]:
-            piece = tree.pieces[i]
-            own = piece.length if piece.is_rod else lengths[name]
-            first, last = done / total, (done + own) / total
-            done = done + own
-            part = _covered(span, first, last)
-            if part is None:
-                continue
-            if piece.is_rod:
-                ends = (route.at(first), route.at(last))
-                shares.append(kind(i, _nodes(piece, route, first, last, part), gain, ends, part))
-            elif piece.size:
-                shares.append(_chord(tree, i, name, route, first, last, gain, kind))
-    return shares
-
-
-def _refuse_gap(tree, before, name, key):
-    """Raise Bad unless `name` stands on the end of `before`, directly or on unnamed segments without motion."""
-    child = tree.segments[name]
-    while child.parent != before:
-        if child.parent == "world":
-            raise Bad(key, f"'{name}' does not stand on the end of '{before}'; name the segments in order, base first")
-        child, between = tree.segments[child.parent], child.parent
-        piece = tree.pieces[tree.of[between][0]]
-        if (piece.is_rod or piece.size) and before in _ancestors(tree, between):
-            what = "rod" if piece.is_rod else "joint"
-            raise Bad(key, f"{what} '{between}' stands between '{before}' and '{name}'; name it too")
-    if child.at != 1:
-        raise Bad(key, f"'{name}' does not stand on the end of '{before}' but at X = {child.at:g}")
-
-
-def _ancestors(tree, name):
-    """Names of the segments below a segment, down to its root."""
-    while (name := tree.segments[name].parent) != "world":
-        yield name
-
-
-def _covered(span, first, last):
-    """Fractions of a piece from `first` to `last` between which a line runs; None where it does not."""
-    if span == (0.0, 1.0):
-        return span
-    if not (ca.SX(first).is_constant() and ca.SX(last).is_constant()):
-        raise ValueError("the lengths along a cable that begins or ends on the way (from, to) must be numbers")
-    first, last = float(first), float(last)
-    if span[0] >= last - 1e-12 or span[1] <= first + 1e-12:
-        return None
-    return (max(span[0], first) - first) / (last - first), (min(span[1], last) - first) / (last - first)
-
-
-def _unknown(name, tree):
-    return f"unknown segment '{name}'{nearest(name, tree.of)}"
-
-
-def _length(tree, name):
-    """Length of a rod, or from a joint to its end frame [m]."""
-    piece = tree.pieces[tree.of[name][0]]
-    return piece.record.length if piece.is_rod else norm(se3.position(piece.end))
-
-
-def _nodes(piece, route, first, last, part):
-    if route.parallel:
-        return (((part[1] - part[0]) * piece.length, route.at(0.0), ca.DM(3, 1)),)
-    factor = len(piece.slices) // piece.record.quadrature
-    slices = piece.record.slices(piece.index, factor, *part)
-    return tuple((p.weight, route.at(first + (last - first) * p.x), route.slope()) for p in slices)
-
-
-def _chord(tree, i, name, route, first, last, gain, kind):
-    if kind is not RodLine:
-        raise Bad("along", f"'{name}' is a joint; a chamber runs along rods only")
-    piece = tree.pieces[i]
-    start, stop = route.at(first), se3.transform(piece.end, route.at(last))
-    length = norm(stop - start)
-    if isinstance(length, float) and length == 0:
-        raise Bad("along", f"the cable has no length through the joint '{name}'; give '{name}' a tip")
-    return Chord(i, start, stop, gain)
-
-
-# What a file can say
+Way = Annotated[float, _Way("1", lower=-1, upper=1)]
+Strength = Annotated[float, Unit("N", lower=0, exclusive=True)]
 
 
 @record(kw_only=True)
 class Tendon:
-    """A cable that pulls with tension u [N] and ends at `to`; `offset` (y, z), or {start, end} to converge."""
+    """A cable that pulls with tension u [N] and ends at `to`; `offset` (y, z), {start, end} to converge, or a helix.
+
+    holes: {segment: points [m]} it is threaded through in rigid segments, in the moving frame, base to tip. friction:
+    capstan coefficient; u is the tension at `from`, at the motor. moving: in (1) where the motor pulls the cable in,
+    out (-1), or between; counts at rest, a motion has a direction of its own. spool: radius of the motor's drum.
+    stiffness: E A of the cable, force per unit of strain, not with `friction`; without it the cable does not stretch.
+    """
 
     along: tuple[str, ...]
-    offset: Annotated[Any, Either(Offset, Converging)]
+    offset: Annotated[Any, Either(Offset, Converging, Winding)]
     limits: Limits[Newton] | None = None
     from_: Fraction = 0.0
     to: Fraction = 1.0
+    holes: dict[str, tuple[Position, ...]] | None = None
+    friction: NonNegativeNumber = 0.0
+    moving: Way = 1.0
+    spool: Length | None = None
+    stiffness: Strength | None = None
     unit = "N"
 
     def __post_init__(self):
         _some(self.along)
         _refuse_empty("limits", self.limits)
+        for name, points in (self.holes or {}).items():
+            _refuse_empty(f"holes.{name}", points)
         if self.from_ >= self.to:
             raise Bad("from", f"{self.from_:g} is not below to: {self.to:g}")
+        if self.rubs and self.stiffness is not None:
+            raise Bad("stiffness", "a cable that rubs is not stretched here; leave `friction` or `stiffness` out")
+
+    @property
+    def rubs(self):
+        """Whether the coefficient of friction is not plainly 0."""
+        return not (isinstance(self.friction, (int, float)) and self.friction == 0)
 
     def resolve(self, tree):
         """One list of lines for each input."""
-        return [lines(tree, self.along, self.offset, -1.0, (self.from_, self.to))]
+        shares = courses.course(tree, self.along, self.offset, -1.0, (self.from_, self.to), self.holes)
+        return [[replace(share, conservative=False) for share in shares] if self.rubs else shares]
 
 
 @record(kw_only=True)
@@ -192,7 +98,7 @@ class Chamber:
     """A chamber of cross-section `area` under pressure u [Pa]; several offsets share the pressure."""
 
     along: tuple[str, ...]
-    offset: Annotated[Any, Either(Offset, tuple[Offset, ...], Converging)]
+    offset: Annotated[Any, Either(Offset, tuple[Offset, ...], Converging, Winding)]
     area: Area
     direction: Literal["tangent", "normal"] = "tangent"
     limits: Limits[Pascal] | None = None
@@ -204,7 +110,7 @@ class Chamber:
         _refuse_empty("offset", self.offset)
 
     def offsets(self):
-        """(y, z) of each part of the chamber, or the one Converging."""
+        """The route of each part of the chamber."""
         several = isinstance(self.offset, tuple) and isinstance(self.offset[0], (tuple, list))
         return self.offset if several else (self.offset,)
 
@@ -215,7 +121,7 @@ class Chamber:
             if any(name in tree.of and not tree.pieces[tree.of[name][0]].is_rod for name in self.along):
                 name = next(n for n in self.along if not tree.pieces[tree.of[n][0]].is_rod)
                 raise Bad("along", f"'{name}' is a joint; a chamber runs along rods only")
-            shares += lines(tree, self.along, offset, self.area, kind=kind)
+            shares += courses.shares(tree, self.along, offset, self.area, kind)
         return [shares]
 
 
@@ -243,7 +149,7 @@ class JointTorque:
 
     def resolve(self, tree):
         if self.joint not in tree.of:
-            raise Bad("joint", _unknown(self.joint, tree))
+            raise Bad("joint", courses.unknown(self.joint, tree))
         i = tree.of[self.joint][0]
         piece = tree.pieces[i]
         if piece.is_rod or piece.size == 0:
@@ -297,13 +203,10 @@ class InternalMoment:
 
 def _stretches(tree, along):
     """(piece, fraction of the whole at its base, at its end, length) of the named rods, in order."""
+    courses.refuse_no_chain(tree, along)
     for index, name in enumerate(along):
-        if name not in tree.of:
-            raise Bad(f"along.{index}", _unknown(name, tree))
         if not tree.pieces[tree.of[name][0]].is_rod:
             raise Bad(f"along.{index}", f"'{name}' is a joint; moments act inside rods")
-    for index, (before, name) in enumerate(zip(along, along[1:], strict=False), start=1):
-        _refuse_gap(tree, before, name, f"along.{index}")
     lengths = [tree.pieces[i].length for name in along for i in tree.of[name]]
     if not all(ca.SX(length).is_constant() for length in lengths):
         raise ValueError("the lengths along an internal moment must be numbers")

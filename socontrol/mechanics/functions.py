@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import screws, stumpff
-from socontrol.mechanics import articulated, composite, floating, internal, newton_euler
+from socontrol.mechanics import articulated, composite, floating, friction, internal, newton_euler
+from socontrol.mechanics.actuators import Tendon
 from socontrol.mechanics.kinematics import Kinematics
 from socontrol.mechanics.statics import Statics
 
@@ -120,6 +121,11 @@ class Functions:
     def _statics(self):
         return Statics(self.robot, self._q, self._u)
 
+    @cached_property
+    def _driven(self):
+        """The statics whose cables rub as they move."""
+        return Statics(self.robot, self._q, self._u, self._qd) if self.robot.friction else self._statics
+
     def pose(self, segment, X=1.0):
         """World <- frame at X of a segment [4 x 4] (q)."""
         frame = self.robot.tree.locate(segment, X)
@@ -217,14 +223,16 @@ class Functions:
         """qdd [n] by articulated bodies (q, qd, u)."""
 
         def answer(robot, q, qd, u, still, gravity):
-            return articulated.accelerations(robot, q, qd, self._driving(q, u) - still(q, qd), gravity)
+            return articulated.accelerations(robot, q, qd, self._driving(q, qd, u) - still(q, qd), gravity)
 
         return self._moving("forward_dynamics", ("q", "qd", "u"), answer)
 
-    def _driving(self, q, u):
-        """B(q) u [n]."""
-        driving = self._statics.actuation() @ self._u
-        return ca.Function("driving", [self._q, self._u], [ca.densify(driving)])(q, u) if self.chained else driving
+    def _driving(self, q, qd, u):
+        """B u [n]."""
+        driving = self._driven.actuation() @ self._u
+        if not self.chained:
+            return driving
+        return ca.Function("driving", [self._q, self._qd, self._u], [ca.densify(driving)])(q, qd, u)
 
     @property
     def motion_residual(self):
@@ -232,7 +240,7 @@ class Functions:
 
         def missing(robot, q, qd, qdd, u, still, gravity):
             inertial = newton_euler.inertial_force(robot, q, qd, qdd, gravity=gravity)
-            return inertial + still(q, qd) - self._driving(q, u)
+            return inertial + still(q, qd) - self._driving(q, qd, u)
 
         return self._moving("motion_residual", ("q", "qd", "qdd", "u"), missing)
 
@@ -244,7 +252,9 @@ class Functions:
         """
 
         def tangents():
-            s, damping = self._statics, self._statics.damping()
+            s, damping = self._driven, self._statics.damping()
+            if self.robot.friction:
+                damping = damping + s.actuation_damping()
             if self.robot.water is not None:
                 damping = damping - ca.jacobian(newton_euler.water_force(self.robot, self._q, self._qd), self._qd)
             return [composite.mass(self.robot, self._kin), s.tangent(), damping]
@@ -259,7 +269,7 @@ class Functions:
         def powers():
             s, qd = self._statics, self._qd
             water = newton_euler.water_force(self.robot, self._q, qd)
-            forces = (s.actuation() @ self._u, s.applied_force(), -s.damping() @ qd, water)
+            forces = (self._driven.actuation() @ self._u, s.applied_force(), -s.damping() @ qd, water)
             wrench = s.carried_wrench() + newton_euler.water_wrench(self.robot, self._q, qd)
             return [ca.vertcat(*(ca.dot(force, qd) for force in forces)), wrench]
 
@@ -285,6 +295,19 @@ class Functions:
             return ca.vertcat(*rows) if rows else ca.DM(0, 1)
 
         return self._function("actuator_lengths", "q", lengths)
+
+    def cable(self, name):
+        """(s [m] along a cable from its motor, tension over that at the motor) where its straight runs and sections
+        begin and end, and inside (q). Raises ValueError for what is no cable."""
+        actuator = (self.robot.description.actuators or {}).get(name)
+        if not isinstance(actuator, Tendon):
+            raise ValueError(f"'{name}' is no cable of the robot")
+        lines = self.robot.lines[self.robot.inputs.index(name)]
+
+        def found():
+            return list(friction.stations(self.robot.tree, lines, self._q, actuator.friction, actuator.moving))
+
+        return self._function(f"cable_{name}".replace("-", "_"), "q", found, ["s", "ratio"], place=name)
 
     @property
     def static_residual(self):

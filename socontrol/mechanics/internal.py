@@ -2,7 +2,7 @@
 
     F_elastic(X) = F_carried(X) + F_actuation(X),
 in the body frame at X, with F_carried the wrench of all loads beyond X (so a pull at the tip is tension, +) and
-F_actuation = sum u_a gain [d x t; t]. Source: F. Renda et al., T-RO 2018.
+F_actuation = sum u_a gain [d x t; t], less what friction takes on the way. Source: F. Renda et al., T-RO 2018.
 """
 
 import casadi as ca
@@ -78,16 +78,16 @@ def _between(slices, values, X):
 
 def wrench(statics, segment, X):
     """Elastic wrench [6] at X of a rod, body frame there."""
-    tree, q = statics.robot.tree, statics.q
+    robot, tree, q = statics.robot, statics.robot.tree, statics.q
     frame = tree.locate(segment, X)
     piece = tree.pieces[frame.piece]
     if not piece.is_rod:
         raise ValueError(f"'{segment}' is a joint; it has a reaction, rods have internal wrenches")
     F = recursions.pulled(statics.kin.pose(frame.piece, frame.x), carried_beyond(statics, frame.piece, frame.x))
-    for k, shares in enumerate(statics.robot.lines):
+    for k, shares in enumerate(robot.lines):
         for line in shares:
             if line.piece == frame.piece:
-                F += statics.u[k] * line.wrench(tree, q, frame.x)
+                F += statics.u[k] * robot.friction.ratio(k, line, q, frame.x) * line.wrench(tree, q, frame.x)
     return F
 
 

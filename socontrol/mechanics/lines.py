@@ -4,8 +4,10 @@ A line runs at d(X) = (0, y, z) through a rod; its tangent is t = v / |v| with v
 E = [-skew(d) I]. Axial force N: -T in a cable of tension T, +P a in a chamber of pressure P and area a. Then
     tau = N int Phi^T E^T t ds = N d(length)/dq,   d tau/dq = N int Phi^T E^T (I - t t^T)/|v| E Phi ds.
 A `NormalLine` pushes along the section's normal e1 instead. Through a joint a cable runs straight between the guide
-holes of its two sides. |v| and that chord have floors (LINE_FLOOR, CHORD_FLOOR) far below any real length, so that
-a line of no length keeps a finite force. Source: F. Renda et al., RA-L 2020 (T there is N here).
+holes of its two sides, and so it does between two holes of one rigid body, where it does no work. |v| and the chord
+through a joint have floors (LINE_FLOOR, CHORD_FLOOR) far below any real length, so that a line of no length keeps a
+finite force. What friction makes of the tension stands in `friction`. Source: F. Renda et al., RA-L 2020 (T there is
+N here).
 """
 
 from dataclasses import dataclass
@@ -48,16 +50,16 @@ def _size(v, floor=LINE_FLOOR):
 class RodLine:
     """A line through one section of rod.
 
-    nodes: (weight [m], d [3], dd/ds [3]); gain: N per unit of input; ends: d at x = 0 and 1; part: the x it covers.
+    nodes: (weight [m], d [3], dd/ds [3]); gain: N per unit of input; route: its Stretch of the section; part: the x
+    it covers; conservative: whether the force is the same all along it, so that it works along a length.
     """
 
     piece: int
     nodes: tuple
     gain: Any
-    ends: tuple = ()
+    route: Any
     part: tuple = (0.0, 1.0)
-
-    conservative = True
+    conservative: bool = True
 
     def length(self, tree, q):
         """int |v| ds [m]."""
@@ -84,13 +86,13 @@ class RodLine:
         """F_a = gain [d x t; t] [6] at x, body frame, for unit input; zero where the line does not run."""
         if not self.part[0] <= x <= self.part[1]:
             return ca.DM(6, 1)
-        piece, d = tree.pieces[self.piece], (1 - x) * self.ends[0] + x * self.ends[1]
-        xi = piece.strain(q)
-        v = xi[3:] + ca.cross(xi[:3], d) + self.nodes[0][2]
-        t = self._direction(v)
+        d, t = self.route.at(x), self.direction(tree, q, x)
         return self.gain * ca.vertcat(ca.cross(d, t), t)
 
-    def _direction(self, v):
+    def direction(self, tree, q, x):
+        """Unit vector [3] at x along which it pulls, body frame there."""
+        xi, d = tree.pieces[self.piece].strain(q), self.route.at(x)
+        v = xi[3:] + ca.cross(xi[:3], d) + (0 if self.route.parallel else self.route.slope(x))
         return v / _size(v)
 
 
@@ -115,7 +117,7 @@ class NormalLine(RodLine):
         """int E^T e1 ds [6]."""
         return sum(w * ca.vertcat(ca.cross(d, E1), E1) for w, d, _ in self.nodes)
 
-    def _direction(self, v):
+    def direction(self, tree, q, x):
         return E1
 
 
@@ -131,11 +133,16 @@ class Chord:
     start: Any
     stop: Any
     gain: Any
-
-    conservative = True
+    conservative: bool = True
 
     def length(self, tree, q):
         return self._size(self._span(tree, q)[1])
+
+    def directions(self, tree, q):
+        """Unit vector [3] from hole to hole, in the joint's base frame and in its moving frame."""
+        g, span, _ = self._span(tree, q)
+        t = span / self._size(span)
+        return t, se3.rotation(g).T @ t
 
     def force(self, tree, q):
         g, span, S = self._span(tree, q)
@@ -158,6 +165,40 @@ class Chord:
 
     def _size(self, span):
         return _size(span, CHORD_FLOOR * norm(self.stop - self.start))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A straight run on one rigid body, from `start` to `stop` [3]: in the base frame of a piece or, `moved`, in its
+    frame at x = 1. Its length stays the same, so it does no work."""
+
+    piece: int
+    moved: bool
+    start: Any
+    stop: Any
+    gain: Any
+    conservative: bool = True
+
+    def length(self, tree, q):
+        return self._size()
+
+    def force(self, tree, q):
+        return ca.DM(tree.pieces[self.piece].size, 1)
+
+    def gradient(self, tree, q):
+        size = tree.pieces[self.piece].size
+        return ca.DM(size, size)
+
+    def wrench(self, tree, q, x):
+        """None [6] inside a rod that carries both holes."""
+        return ca.DM(6, 1)
+
+    def direction(self):
+        """Unit vector [3] from start to stop."""
+        return (self.stop - self.start) / self._size()
+
+    def _size(self):
+        return _size(self.stop - self.start)
 
 
 @dataclass(frozen=True)

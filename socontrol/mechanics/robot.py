@@ -11,14 +11,18 @@ import numpy as np
 
 from socontrol.lie import stumpff
 from socontrol.mechanics import loads as load_family
-from socontrol.mechanics.actuators import Actuator
+from socontrol.mechanics.actuators import Actuator, Tendon
+from socontrol.mechanics.friction import Capstan, Friction
 from socontrol.mechanics.loads import Fluid, Load
 from socontrol.model.joints import JOINTS
 from socontrol.model.rods import Rod
 from socontrol.model.tree import build
 from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record, show
 
-RESERVED = {"world", "inputs", "coordinates", "lengths", "energy", "stability", "holding", "reaction", "short"}
+RESERVED = {  # the first words of names in results
+    "world", "inputs", "coordinates", "lengths", "motors", "volumes", "tension_end", "energy", "stability", "holding",
+    "reaction", "short", "compliance", "rates", "length_rates", "replay",
+}  # fmt: skip
 SEGMENTS = {"rod": Rod, **JOINTS}
 Segment = Annotated[Any, OneOf(SEGMENTS, what="segment")]
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")  # no dots: they separate the keys of a path and the parts of a name
@@ -97,10 +101,25 @@ class Robot:
     @cached_property
     def lines(self):
         """For each input, the shares of its lines in the pieces."""
+        return [lines for _, lines in self._resolved]
+
+    @cached_property
+    def _resolved(self):
+        """(actuator, lines) of each input."""
         resolved = []
         for name, actuator in (self.description.actuators or {}).items():
-            resolved += _at(f"actuators.{name}", actuator.resolve, self.tree)
+            resolved += [(actuator, lines) for lines in _at(f"actuators.{name}", actuator.resolve, self.tree)]
         return resolved
+
+    @cached_property
+    def friction(self):
+        """The cables that rub, by input."""
+        capstans = {
+            k: Capstan(tuple(lines), actuator.friction, actuator.moving)
+            for k, (actuator, lines) in enumerate(self._resolved)
+            if isinstance(actuator, Tendon) and actuator.rubs
+        }
+        return Friction(self.tree, capstans)
 
     def check(self):
         """Raise Bad, pointing at the key, when segments, loads and actuators do not fit together."""
@@ -143,6 +162,16 @@ class Robot:
     def input_units(self):
         return tuple(unit for _, unit, _, _ in self._inputs)
 
+    @cached_property
+    def input_actuators(self):
+        """The actuator's record behind each input."""
+        return tuple(actuator for actuator, _ in self._resolved)
+
+    @cached_property
+    def pulls(self):
+        """Mask [m] of the inputs that are tensions of cables."""
+        return np.array([isinstance(actuator, Tendon) for actuator in self.input_actuators], dtype=bool)
+
     @property
     def length_units(self):
         """Of what `actuator_lengths` gives: m of lines and slides, rad of turns."""
@@ -170,6 +199,12 @@ class Robot:
         if hasattr(actuator, "joint"):
             return self.description.segments[actuator.joint].units[degree][1]
         return actuator.unit
+
+    @cached_property
+    def straight_lengths(self):
+        """What `actuator_lengths` gives at q = 0 [m]."""
+        lengths = self.functions(compiled=False).actuator_lengths.function
+        return np.array(lengths(np.zeros(self.n))).ravel()
 
     @cached_property
     def joint_limits(self):

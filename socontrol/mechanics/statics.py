@@ -13,10 +13,10 @@ from socontrol.mechanics.kinematics import Kinematics
 
 
 class Statics:
-    """The expressions of one robot at one (q, u); sweeps are made once."""
+    """The expressions of one robot at one (q, u); sweeps are made once. qd: rates, for the friction of cables alone."""
 
-    def __init__(self, robot, q, u=None):
-        self.robot, self.q, self.u = robot, q, u
+    def __init__(self, robot, q, u=None, qd=None):
+        self.robot, self.q, self.u, self.qd = robot, q, u, qd
         self.kin = Kinematics(robot.tree, q)
 
     @cached_property
@@ -68,7 +68,10 @@ class Statics:
     @cached_property
     def _columns(self):
         tree, columns = self.robot.tree, []
-        for shares in self.robot.lines:
+        for k, shares in enumerate(self.robot.lines):
+            if k in self._rubbed:
+                columns.append(self._rubbed[k])
+                continue
             parts = [ca.DM(piece.size, 1) for piece in tree.pieces]
             for line in shares:
                 parts[line.piece] += line.force(tree, self.q)
@@ -76,26 +79,46 @@ class Statics:
         return ca.horzcat(*columns) if columns else ca.DM(tree.n, 0)
 
     @cached_property
+    def _rubbed(self):
+        """{input: its column} of cables with friction."""
+        friction = self.robot.friction
+        return friction.by_input(friction.columns(self.q, self.qd)) if friction else {}
+
+    @cached_property
     def _gradients(self):
-        """For each input, (piece, d(force)/dq [n_i x n_i]) of its lines."""
-        return [
-            [(line.piece, line.gradient(self.robot.tree, self.q)) for line in shares] for shares in self.robot.lines
-        ]
+        """{input: (piece, d(force)/dq [n_i x n_i]) of its lines}, without friction."""
+        return {
+            k: [(line.piece, line.gradient(self.robot.tree, self.q)) for line in shares]
+            for k, shares in enumerate(self.robot.lines)
+            if k not in self.robot.friction.inputs
+        }
 
     def actuation_tangent(self):
-        """d(B(q) u)/dq [n x n], one block a piece."""
+        """d(B(q) u)/dq [n x n], one block a piece; of cables with friction all blocks of the pieces before."""
         parts = [ca.DM(piece.size, piece.size) for piece in self.robot.tree.pieces]
-        for k, shares in enumerate(self._gradients):
+        for k, shares in self._gradients.items():
             for piece, gradient in shares:
                 parts[piece] += self.u[k] * gradient
-        return ca.diagcat(*parts)
+        local, friction = ca.diagcat(*parts), self.robot.friction
+        return local + friction.slope(self.q, self._rubbing_inputs(), self.qd) if friction else local
+
+    def actuation_damping(self):
+        """-d(B u)/dqd [n x n]: of friction in motion."""
+        return -self.robot.friction.drag(self.q, self._rubbing_inputs(), self.qd)
+
+    def _rubbing_inputs(self):
+        return ca.vertcat(*(self.u[k] for k in self.robot.friction.inputs))
 
     def actuation_gradient(self, lam):
         """Column a: d(lam . B_a)/dq [n x m]."""
-        tree, columns = self.robot.tree, []
-        for shares in self._gradients:
+        tree, columns, friction = self.robot.tree, [], self.robot.friction
+        rubbed = friction.by_input(friction.gradient(self.q, lam)) if friction else {}
+        for k in range(self.robot.m):
+            if k in rubbed:
+                columns.append(rubbed[k])
+                continue
             parts = [ca.DM(piece.size, 1) for piece in tree.pieces]
-            for piece, gradient in shares:
+            for piece, gradient in self._gradients[k]:
                 parts[piece] += gradient.T @ lam[tree.pieces[piece].columns]
             columns.append(ca.vertcat(*parts))
         return ca.horzcat(*columns) if columns else ca.DM(tree.n, 0)

@@ -6,14 +6,19 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import so3
+from socontrol.mechanics.lines import Torque
 from socontrol.programs import check
-from socontrol.programs.balance import Balance
+from socontrol.programs.held_balance import balance_of
+from socontrol.programs.lengths import Held, Routes, length_values
 from socontrol.programs.result import Value
 from socontrol.programs.stability import stability
 
 FORCE_TOLERANCE = 1e-8  # recomputed unbalanced force over the largest elastic (or external) force
+LENGTH_TOLERANCE = 1e-6  # recomputed miss of a held length over the robot's length
 SMALLEST_FORCE = 1e-4  # of what bends a section by a radian: smaller largest forces count as that, not as noise
+SMALLEST_SOUGHT = 1e-2  # the same of optimised postures, whose solver stops at a scaled residual of 1e-10
 CRUSHED = -0.9  # stretch: less than a tenth of the length is left
+SLACK = 1e-9  # of an input's size: less tension is none
 ACTIVE = 1e-6  # of the limits' span: closer counts as on the limit
 
 
@@ -22,6 +27,7 @@ class Look:
 
     def __init__(self, question, balance):
         self.question, self.balance, self.robot = question, balance, question.loaded
+        self.held = getattr(question, "held", Held())
         self.functions = self.robot.functions(compiled=False)  # each is called once or twice
 
     @cached_property
@@ -41,42 +47,88 @@ class Look:
             g = np.array(f.pose(segment, 1.0).function(q))
             values[f"{segment}.position"] = Value(g[:3, 3].tolist(), "m")
             values[f"{segment}.rotation"] = Value(rotation_vector(g[:3, :3]).tolist(), "rad")
-        if robot.m:
-            lengths = np.array(f.actuator_lengths.function(q)).ravel()
-            units = ["rad" if unit == "N m" else "m" for unit in robot.input_units]
-            for name, unit, x in zip(robot.inputs, units, lengths, strict=True):
-                values[f"lengths.{name}"] = Value(float(x), unit)
+        lengths = np.array(f.actuator_lengths.function(q)).ravel()
+        for name, (x, unit) in length_values(robot, lengths, u, self.held).items():
+            values[name] = Value(x, unit)
         for segment, wrench in self._checker.reactions(q).items():
             values[f"reaction.{segment}"] = Value(wrench.tolist(), "N m, N")
         _, elastic, gravitational = np.array(f.energy.function(q, np.zeros(robot.n))).ravel()
         values["energy.elastic"] = Value(float(elastic), "J")
         values["energy.gravitational"] = Value(float(gravitational), "J")
+        for name, (_, tension) in self.cables(q, u).items():
+            values[f"tension_end.{name}"] = Value(float(tension[-1]), "N")
         return values
+
+    def cables(self, q, u):
+        """{name: (places s [m] along the cable from its motor, tension [N] there)} of cables with friction."""
+        found = {}
+        for i, name in enumerate(self.robot.inputs):
+            if getattr(self.robot.input_actuators[i], "friction", 0):
+                s, ratio = (np.array(x).ravel() for x in self.functions.cable(name).function(q))
+                found[name] = s, u[i] * ratio
+        return found
 
     def residuals(self, q, u, free):
         """Recomputed unbalanced force beside the largest force, on the free coordinates; scaled by sqrt(K)."""
         r, elastic, external, actuation = self._checker(q, u)
         scale = self.balance.scales.force
         parts = np.concatenate([np.abs(p / scale)[free] for p in (elastic, external, actuation)])
-        largest = max(float(np.max(parts, initial=0.0)), SMALLEST_FORCE)
+        least = SMALLEST_SOUGHT if self.question.optimises else SMALLEST_FORCE
+        largest = max(float(np.max(parts, initial=0.0)), least)
         worst = float(np.max(np.abs(r / scale)[free], initial=0.0))
         own = np.abs(np.array(self.balance.evaluate(q, u)[0]) / scale)[free]
-        return {
+        found = {
             "force": Value(worst / largest, "1"),
             "solver_force": Value(float(np.max(own, initial=0.0)) / largest, "1"),
         }
+        return {**found, "lengths": Value(self.missed(q, u), "m")} if self.held else found
+
+    def missed(self, q, u):
+        """Largest miss of the held lengths [m], recomputed with twice the Gauss points: 0 = T or 0 = gap of cables."""
+        fine = self.robot.refined(factor=2).functions(compiled=False).actuator_lengths.function
+        gap = self.held.gap(np.array(fine(q)).ravel(), u)
+        slack = self.held.pulls & (u[self.held.index] <= 0)
+        return float(np.max(np.where(slack, np.maximum(-gap, 0.0), np.abs(gap))))
+
+    def gaps(self, q, u):
+        """{name: miss [m]} of the held lengths that are not met."""
+        if not self.held:
+            return {}
+        lengths = np.array(self.functions.actuator_lengths.function(q)).ravel()
+        rows = zip(self.held.names, np.abs(self.held.gap(lengths, u)), strict=True)
+        return {name: float(gap) for name, gap in rows if not gap <= LENGTH_TOLERANCE * self.robot.length}
+
+    def met(self, residuals):
+        """Whether the held lengths are met, as far as twice the Gauss points can tell."""
+        return not self.held or residuals["lengths"].value <= LENGTH_TOLERANCE * self.robot.length
+
+    def slack(self, u):
+        """Names of the held cables that pull nothing."""
+        size = SLACK * self.balance.scales.u[self.held.index]
+        loose = self.held.pulls & (np.abs(u[self.held.index]) <= size)
+        return [name for name, is_loose in zip(self.held.names, loose, strict=True) if is_loose]
 
     def stability(self, q, u, free):
         """Stability at (q, u) on the free coordinates."""
-        tangent = np.array(self.balance.evaluate(q, u)[1])
+        _, tangent, B = (np.array(x) for x in self.balance.evaluate(q, u))
         tree = self.robot.tree
         conservative = self.balance.conservative and all(
-            line.conservative or tree.pieces[line.piece].is_screw
+            line.conservative or (isinstance(line, Torque) and tree.pieces[line.piece].is_screw)
             for value, shares in zip(u, self.robot.lines, strict=True)
             for line in shares
             if value
         )
-        return stability(tangent, self.balance.scales, conservative, free)
+        rows = None
+        if self.held:
+            slack, held = self.slack(u), self.held
+            A = Routes(self.robot)(q)[1]
+            soft = [k for k, name in enumerate(held.names) if held.flexibility[k] > 0 and name not in slack]
+            for k in soft:  # a stretching cable is a spring
+                i, gain = held.index[k], held.gain[k] * held.flexibility[k] * held.length[k]
+                tangent = tangent + np.outer(B[:, i] / gain, A[i])
+            rigid = [i for k, i in enumerate(held.index) if held.flexibility[k] == 0 and held.names[k] not in slack]
+            rows = A[rigid], B[:, rigid]
+        return stability(tangent, self.balance.scales, conservative, free, rows)
 
     def limits_reached(self, q, u):
         """Rows (kind, name, side, limit, index, beyond) of what is on or past a limit; given values only if past."""
@@ -86,6 +138,8 @@ class Look:
             ("coordinates", q, question.coordinate_limits(strains=question.optimises)),
         ):
             given, names = question.named(key, getattr(question, key)), getattr(self.robot, key)
+            if key == "inputs":  # held ones go where their lengths take them
+                given = {*given, *self.held.index}
             for i, name in enumerate(names):
                 span = upper[i] - lower[i] if np.isfinite(upper[i] - lower[i]) else max(1.0, abs(x[i]))
                 for side, limit, gap in (("lower", lower[i], x[i] - lower[i]), ("upper", upper[i], upper[i] - x[i])):
@@ -100,7 +154,7 @@ class Look:
         fine = self.robot.refined(sections=2)
         if fine.n == self.robot.n:
             return {}
-        balance = Balance(fine)
+        balance = balance_of(fine, self.held)
         start = spread(self.robot, fine, q)
         marks = np.zeros(self.robot.n)
         marks[list(prescribed)] = 1.0

@@ -98,13 +98,9 @@ class Derivatives:
         cost = part.cost + ca.sumsqr(part.squares) / 2 if part.squares.numel() else part.cost
         gradient = ca.densify(ca.gradient(cost, x))
         self.costs = not cost.is_constant()
-        jacobian = ca.jacobian(part.rows, x)
         sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", part.size)
-        if hessian == EXACT:
-            whole = ca.hessian(sigma * cost + ca.dot(lam, part.rows), x)[0]
-        else:
-            J = ca.jacobian(part.squares, x)
-            whole = sigma * (J.T @ J + ca.hessian(part.cost, x)[0])
+        derive = part.derivatives or (lambda *weights: _differentiated(part, cost, hessian, *weights))
+        jacobian, whole = derive(sigma, lam)
         whole = ca.triu(ca.sparsify(whole))
         self.jacobian_pattern, self.hessian_pattern = jacobian.sparsity().get_triplet(), whole.sparsity().get_triplet()
         name = "_".join(re.findall(r"[A-Za-z0-9]+", part.name))
@@ -133,6 +129,15 @@ class Derivatives:
 
     def _map(self, function, reduced, summed=()):
         return function.map(f"{function.name()}_all", "serial", self.part.count, list(reduced), list(summed))
+
+
+def _differentiated(part, cost, hessian, sigma, lam):
+    """Jacobian of a part's rows, and the Hessian of sigma cost + lam rows or of its squares alone."""
+    jacobian = ca.jacobian(part.rows, part.local)
+    if hessian == EXACT:
+        return jacobian, ca.hessian(sigma * cost + ca.dot(lam, part.rows), part.local)[0]
+    J = ca.jacobian(part.squares, part.local)
+    return jacobian, sigma * (J.T @ J + ca.hessian(part.cost, part.local)[0])
 
 
 def _in_c(function):

@@ -12,12 +12,9 @@ import casadi as ca
 import numpy as np
 
 from socontrol.mechanics import elasticity
-from socontrol.mechanics.lines import Bending, Chord, NormalLine, RodLine
 from socontrol.mechanics.loads import Field
-from socontrol.model.quadrature import gauss_legendre
-
-POINTS = 16  # Gauss points of the adjoint's integral: exact to 1e-13 for one full turn
-GENTLE = ((0.5, 6), (1.0, 8))  # (largest turn [rad], points): enough for 1e-14 there
+from socontrol.programs.check_lines import lines_of
+from socontrol.programs.check_poses import adjoints, exponentials, moved, numeric
 
 
 def residual(robot, q, u, factor=2):
@@ -40,7 +37,7 @@ class Checker:
         if water is not None and any(water.velocity):
             rows = [_Current(i, piece, water) for i, piece in enumerate(self.pieces)]
             self.loads += [row for row in rows if row.x.size]
-        self.lines = [[_Line(line, self.pieces) for line in shares] for shares in self.robot.lines]
+        self.lines = lines_of(self.robot)
 
     def __call__(self, q, u):
         """(unbalanced, elastic, external, actuation) generalised forces [n] each."""
@@ -125,42 +122,6 @@ class _Current:
         return np.array(rows)
 
 
-class _Line:
-    """One share of an actuator in numbers; `force` gives its generalised force for unit input."""
-
-    def __init__(self, line, pieces):
-        self.kind, self.piece, self.gain = type(line), line.piece, float(line.gain)
-        if isinstance(line, RodLine):
-            self.weights = np.array([float(w) for w, _, _ in line.nodes])
-            self.E = np.array([np.hstack([-skew(numeric(d).ravel()), np.eye(3)]) for _, d, _ in line.nodes])
-            self.slopes = np.array([numeric(slope).ravel() for _, _, slope in line.nodes])
-        elif isinstance(line, Chord):
-            self.start, self.stop = numeric(line.start).ravel(), numeric(line.stop).ravel()
-        elif isinstance(line, Bending):
-            self.constant = float(line.weight) * numeric(pieces[line.piece].Phi)[line.strain]
-        else:
-            Phi = numeric(pieces[line.piece].Phi)
-            self.wrench = (Phi @ np.linalg.inv(Phi.T @ Phi))[:, line.degree]
-
-    def force(self, look):
-        if self.kind is Bending:
-            return self.gain * self.constant
-        Phi, xi = look.numbers.Phi[self.piece], look.strains[self.piece]
-        if issubclass(self.kind, RodLine):
-            v = self.E @ xi + self.slopes
-            if self.kind is NormalLine:
-                v = np.tile([1.0, 0, 0], (len(v), 1))
-            t = v / np.sqrt((v * v).sum(axis=1))[:, None]
-            return self.gain * (Phi.T @ np.einsum("p,pij,pi->j", self.weights, self.E, t))
-        g = exponentials(xi, np.array([1.0]))[0]
-        S = moved(xi, np.array([1.0]))[0] @ Phi
-        if self.kind is Chord:
-            y = g[:3, :3] @ self.stop + g[:3, 3]
-            t = (y - self.start) / np.linalg.norm(y - self.start)
-            return self.gain * (S.T @ np.concatenate([np.cross(y, t), t]))
-        return self.gain * (np.linalg.solve(adjoints(g[None])[0], S).T @ self.wrench)
-
-
 class _Look:
     """Poses of one posture, and the forces that act there."""
 
@@ -202,59 +163,11 @@ class _Look:
     def actuation(self, u):
         """B(q) u [n] from the lines' own forces."""
         Q = np.zeros(self.numbers.robot.n)
-        for value, shares in zip(u, self.numbers.lines, strict=True):
-            for line in shares:
-                Q[self.pieces[line.piece].columns] += value * line.force(self)
+        for value, lines in zip(u, self.numbers.lines, strict=True):
+            for piece, force in lines(self):
+                Q[self.pieces[piece].columns] += value * force
         return Q
 
 
 def _entries(force):
     return force if isinstance(force, (list, tuple)) else [force]
-
-
-def numeric(matrix):
-    """A constant CasADi matrix as numpy."""
-    return np.array(ca.DM(matrix).full())
-
-
-def skew(w):
-    return np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-
-
-def exponentials(xi, s):
-    """exp(s hat(xi)) [k x 4 x 4] at arcs s [k] by Rodrigues' formula."""
-    W, z = skew(xi[:3]), s * np.linalg.norm(xi[:3])
-    near = z < 1e-2
-    if near.any():
-        safe = np.where(near, 1.0, z)
-        a = s * np.where(near, 1 - z**2 / 6 + z**4 / 120, np.sin(safe) / safe)
-        b = s**2 * np.where(near, 0.5 - z**2 / 24 + z**4 / 720, 2 * (np.sin(safe / 2) / safe) ** 2)
-        c = s**3 * np.where(near, 1 / 6 - z**2 / 120 + z**4 / 5040, (safe - np.sin(safe)) / safe**3)
-    else:
-        t, sine = s / z, np.sin(z)
-        a, b, c = t * sine, 2 * (t * np.sin(z / 2)) ** 2, t**3 * (z - sine)
-    WW = W @ W
-    g = np.zeros((s.size, 4, 4))
-    g[:, :3, :3] = np.eye(3) + a[:, None, None] * W + b[:, None, None] * WW
-    g[:, :3, 3] = s[:, None] * xi[3:] + b[:, None] * (W @ xi[3:]) + c[:, None] * (WW @ xi[3:])
-    g[:, 3, 3] = 1.0
-    return g
-
-
-def adjoints(g):
-    """Ad of poses [k x 4 x 4], [k x 6 x 6]."""
-    R, r = g[:, :3, :3], g[:, :3, 3]
-    Ad = np.zeros((len(g), 6, 6))
-    Ad[:, :3, :3] = Ad[:, 3:, 3:] = R
-    turned = np.zeros((len(g), 3, 3))
-    turned[:, [2, 0, 1], [1, 2, 0]], turned[:, [1, 2, 0], [2, 0, 1]] = r, -r
-    Ad[:, 3:, :3] = turned @ R
-    return Ad
-
-
-def moved(xi, s):
-    """int_0^s Ad(exp(sigma xi)) dsigma [k x 6 x 6] for arcs s [k], by Gauss quadrature."""
-    turn = np.linalg.norm(xi[:3]) * np.max(s, initial=0.0)
-    nodes, weights = map(np.array, gauss_legendre(next((n for most, n in GENTLE if turn < most), POINTS)))
-    Ad = adjoints(exponentials(xi, np.outer(s, nodes).ravel())).reshape(s.size, nodes.size, 36)
-    return s[:, None, None] * (weights @ Ad).reshape(s.size, 6, 6)

@@ -86,7 +86,7 @@ class Steps:
         rows = []
         for i, x in enumerate(self.table.c):
             r = self.node(t + x * step.h, step.q[i], step.v[i], step.a[i])
-            rows.append(self.plant.power(t + x * step.h, self._q, self._v, r))
+            rows.append(self.plant.power(t + x * step.h, self._q, self._v, self._a, r))
         return np.array(rows)
 
     def refresh(self, t, q, v):

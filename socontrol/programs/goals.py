@@ -6,37 +6,32 @@ rows a solver likes are not what a person would measure, a record adds `measured
 and `guard` (positive on the right side).
 """
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
 
 from socontrol.lie import se3, so3
 from socontrol.mechanics.kinematics import Kinematics
+from socontrol.model.bases import STRAINS
+from socontrol.programs.waypoints import Way, unit
 from socontrol.quantities import (
     Axis,
     Bad,
-    Count,
-    Either,
     Fraction,
-    Length,
     Metre,
     Numbers,
     OneOf,
     Position,
     PositiveNumber,
     RotationVector,
+    Unit,
+    joined,
     record,
 )
 
-MOST_WAYPOINTS = 100_000
+PerMetre = Annotated[float, Unit("1/m")]
 PartialPosition = Annotated[tuple[Metre | None, Metre | None, Metre | None], Numbers(3)]
-
-
-def _unit(direction):
-    """Unit vector along a direction of any size."""
-    direction = np.array(direction, dtype=float) / np.max(np.abs(direction))
-    return direction / np.linalg.norm(direction)
 
 
 def locate(robot, goal):
@@ -137,7 +132,7 @@ class AxisDirection:
     weight: PositiveNumber | None = None
 
     def numbers(self):
-        return list(_unit(self.target))
+        return list(unit(self.target))
 
     def units(self):
         return ["rad"] * 2
@@ -166,7 +161,7 @@ class AxisDirection:
         return ca.atan2(size, ca.dot(a, target)) * away
 
     def _direction(self, robot, kin):
-        axis = ca.DM(_unit(self.axis))
+        axis = ca.DM(unit(self.axis))
         return se3.rotation(kin.frame_pose(locate(robot, self))) @ axis
 
     def _beside(self, target):
@@ -177,7 +172,7 @@ class AxisDirection:
         return turn @ ca.DM(self._across())
 
     def reached(self, f, q):
-        axis = _unit(self.axis)
+        axis = unit(self.axis)
         return np.array(f.pose(self.on, self.at)(q))[:3, :3] @ axis
 
     def _across(self):
@@ -193,6 +188,21 @@ class AxisDirection:
         return way / size if size > 1e-9 else stop
 
 
+class _AtPoints:
+    """What goals at several points of one segment have in common; `at` is the last of them."""
+
+    def __post_init__(self):
+        if not self.target:
+            raise Bad("target", "no point is given")
+
+    @property
+    def at(self):
+        return self.target[-1].at
+
+    def between(self, start, stop, t):
+        return (1 - t) * start + t * stop
+
+
 @record(kw_only=True)
 class ShapePoint:
     """X on the segment and its position [world, m]."""
@@ -202,20 +212,12 @@ class ShapePoint:
 
 
 @record(kw_only=True)
-class Shape:
+class Shape(_AtPoints):
     """Points along one segment stand at given positions; more than the inputs can meet need a `weight`."""
 
     on: str
     target: tuple[ShapePoint, ...]
     weight: PositiveNumber | None = None
-
-    def __post_init__(self):
-        if not self.target:
-            raise Bad("target", "no point is given")
-
-    @property
-    def at(self):
-        return self.target[-1].at
 
     def numbers(self):
         return [x for point in self.target for x in point.position]
@@ -230,74 +232,86 @@ class Shape:
         frames = [locate(robot, Point(on=self.on, at=p.at, target=p.position)) for p in self.target]
         return ca.vertcat(*(se3.position(kin.frame_pose(f)) for f in frames)) - target
 
+    def places(self):
+        """(X, rows of the miss) of each point."""
+        return [(point.at, slice(3 * k, 3 * k + 3)) for k, point in enumerate(self.target)]
+
     def reached(self, f, q):
         return np.concatenate([np.array(f.pose(self.on, p.at)(q))[:3, 3] for p in self.target])
 
-    def between(self, start, stop, t):
-        return (1 - t) * start + t * stop
+
+@record(kw_only=True)
+class CurvaturePoint:
+    """X on the segment and the strains its section shall have there [1/m]; those left out are free."""
+
+    at: Fraction
+    twist: PerMetre | None = None
+    bend_y: PerMetre | None = None
+    bend_z: PerMetre | None = None
+
+    def __post_init__(self):
+        if not self.wanted():
+            raise Bad("at", "no strain is given; give at least one of twist, bend_y and bend_z")
+
+    def wanted(self):
+        """{strain: 1/m} of those given."""
+        return {name: x for name in STRAINS[:3] if (x := getattr(self, name)) is not None}
 
 
 @record(kw_only=True)
-class Circle:
-    """`count` waypoints round a circle, closed, from the direction nearest `start`."""
+class Curvature(_AtPoints):
+    """A rod has given curvatures at points along it; more than the inputs can meet need a `weight`."""
 
-    center: Position
-    radius: Length
-    normal: Axis = (0.0, 0.0, 1.0)
-    start: Axis = (1.0, 0.0, 0.0)
-    count: Count = 36
+    on: str
+    target: tuple[CurvaturePoint, ...]
+    weight: PositiveNumber | None = None
 
-    def __post_init__(self):
-        if self.count > MOST_WAYPOINTS:
-            raise Bad("count", f"{self.count} waypoints; at most {MOST_WAYPOINTS}")
+    def numbers(self):
+        return [x for point in self.target for x in point.wanted().values()]
 
-    def waypoints(self):
-        return [tuple(p) for p in around(self, 2 * np.pi * np.arange(self.count + 1) / self.count)]
+    def units(self):
+        return ["1/m"] * len(self.numbers())
 
+    def scales(self, length):
+        return [1 / length] * len(self.numbers())
 
-def around(circle, angles):
-    """Points [K x 3] of a circle at angles [K] from the direction nearest its `start`; raises Bad without one."""
-    n, e = _unit(circle.normal), _unit(circle.start)
-    e = e - n * np.dot(n, e)
-    if np.linalg.norm(e) < 1e-9:
-        raise Bad("start", "it is along the normal; give a direction in the circle's plane")
-    e, angles = e / np.linalg.norm(e), np.asarray(angles)[:, None]
-    return circle.center + circle.radius * (np.cos(angles) * e + np.sin(angles) * np.cross(n, e))
+    def places(self):
+        """(X, rows of the miss) of each point."""
+        ends = np.cumsum([0, *(len(point.wanted()) for point in self.target)]).tolist()
+        rows = zip(ends, ends[1:], strict=False)
+        return [(point.at, slice(a, b)) for point, (a, b) in zip(self.target, rows, strict=True)]
 
+    def miss(self, robot, kin, target):
+        return self._strains(robot.tree, kin.q) - target
 
-@record(kw_only=True)
-class Polygon:
-    """Straight edges through `corners`, a waypoint at least every `spacing` metres; `closed` returns to the first."""
+    def reached(self, f, q):
+        return np.array(ca.DM(self._strains(f.base.tree, ca.DM(q)))).ravel()
 
-    corners: tuple[Position, ...]
-    spacing: Length
-    closed: bool = True
-
-    def __post_init__(self):
-        if len(self.corners) < 2:
-            raise Bad("corners", "at least two corners are wanted")
-        corners = np.array(self.corners)
-        around = float(np.sum(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)))
-        if not around / self.spacing <= MOST_WAYPOINTS:
-            raise Bad("spacing", f"more than {MOST_WAYPOINTS} waypoints; take a larger spacing")
-
-    def waypoints(self):
-        corners = [np.array(c) for c in self.corners]
-        ends = corners[1:] + corners[:1] if self.closed else corners[1:]
-        points = [corners[0]]
-        for a, b in zip(corners, ends, strict=False):
-            parts = max(1, int(np.ceil(np.linalg.norm(b - a) / self.spacing - 1e-9)))
-            points += [a + (b - a) * k / parts for k in range(1, parts + 1)]
-        return [tuple(p) for p in points]
+    def _strains(self, tree, q):
+        """The wanted strains at q; raises Bad where the segment is no rod."""
+        rows = []
+        for k, point in enumerate(self.target):
+            piece = tree.pieces[tree.locate(self.on, point.at).piece]
+            if not piece.is_rod:
+                raise Bad("on", f"'{self.on}' is a joint and has no curvature; name a rod")
+            xi = piece.strain(q)
+            for name in point.wanted():
+                if name not in piece.record.active():
+                    free = joined(piece.record.active(), "and")
+                    raise Bad(f"target.{k}.{name}", f"'{self.on}' is held straight in {name}; it has {free}")
+                rows.append(xi[STRAINS.index(name)])
+        return ca.vertcat(*rows)
 
 
 @record(kw_only=True)
 class Path:
-    """The point at X of a segment visits waypoints in order, each solved from its neighbour."""
+    """The point at X of a segment visits waypoints in order, each solved from its neighbour. `axes`: the world
+    coordinates that are held; the others are left free, whatever the waypoints say of them."""
 
     on: str
-    target: Annotated[Any, Either(tuple[Position, ...], Circle, Polygon)]
+    target: Way
     at: Fraction = 1.0
+    axes: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
     orientation: RotationVector | None = None
     weight: PositiveNumber | None = None
 
@@ -308,6 +322,10 @@ class Path:
             raise Bad(f"target.{bad.key}", str(bad)) from None
         if count < 2:
             raise Bad("target", "a path needs at least two waypoints")
+        if not self.axes or len(set(self.axes)) < len(self.axes):
+            raise Bad("axes", "name one, two or three of x, y and z, each once")
+        if self.orientation is not None and len(self.axes) < 3:
+            raise Bad("axes", "an orientation goes with all three coordinates; leave one of the two out")
 
     def waypoints(self):
         return [tuple(p) for p in (self.target if isinstance(self.target, tuple) else self.target.waypoints())]
@@ -315,9 +333,17 @@ class Path:
     def stop(self, waypoint):
         """The goal at one waypoint."""
         if self.orientation is None:
-            return Point(on=self.on, at=self.at, target=waypoint, weight=self.weight)
+            held = tuple(x if axis in self.axes else None for axis, x in zip("xyz", waypoint, strict=True))
+            return Point(on=self.on, at=self.at, target=held, weight=self.weight)
         target = PoseTarget(position=waypoint, rotation=self.orientation)
         return Pose(on=self.on, at=self.at, target=target, weight=self.weight)
+
+    def beside(self, places, tips):
+        """Places [K x 3] with the coordinates that are left free as the tips [at most K x 3] have them."""
+        free = ["xyz".index(axis) for axis in "xyz" if axis not in self.axes]
+        places = np.array(places, dtype=float)
+        places[: len(tips), free] = np.asarray(tips)[:, free]
+        return places
 
 
 def goal_miss(goal, robot, q):
@@ -327,5 +353,12 @@ def goal_miss(goal, robot, q):
     return np.array(ca.DM(rows)).ravel()
 
 
-GOALS = {"point": Point, "pose": Pose, "axis": AxisDirection, "shape": Shape, "path": Path}
+GOALS = {
+    "point": Point,
+    "pose": Pose,
+    "axis": AxisDirection,
+    "shape": Shape,
+    "curvature": Curvature,
+    "path": Path,
+}
 Goal = Annotated[Any, OneOf(GOALS, what="goal")]

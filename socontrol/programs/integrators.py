@@ -71,12 +71,15 @@ class Cvodes(_Limits):
 @dataclass
 class March:
     """What a march has recorded: at each output t [k], q, qd [k x n each] and work [k x 11], the integrals of
-    `Plant.power`; steps taken, refused, iterations; status."""
+    `Plant.power`; u [k x m] where the motion decides it; changes of what is held (t, name, whether it is held
+    from then on); steps taken, refused, iterations; status."""
 
     t: list = field(default_factory=list)
     q: list = field(default_factory=list)
     qd: list = field(default_factory=list)
     work: list = field(default_factory=list)
+    u: list = field(default_factory=list)
+    changes: list = field(default_factory=list)
     steps: int = 0
     refused: int = 0
     iterations: int = 0
@@ -126,11 +129,18 @@ class Marcher:
         self.q, self.qd, self.t = q.copy(), qd.copy(), 0.0
         self.work, self.began = np.zeros(len(WORKS) + 6), time.perf_counter()
         self.plant.place(0.0, self.q, self.qd)
-        march.keep(0.0, self.q, self.qd, self.work)
+        self._prepare()
+        self._keep(0.0, self.q, self.qd, self.work)
         with march.guarded():
             for leg in legs(self.plant, self.times):
                 self._leg(leg)
         return march
+
+    def _prepare(self):
+        """What is to be done at the start: nothing here."""
+
+    def _keep(self, t, q, qd, work):
+        self.march.keep(t, q, qd, work)
 
     def _leg(self, stop):
         """March to `stop`, in between which no history jumps."""
@@ -157,7 +167,7 @@ class Marcher:
     def _longest(self):
         """Histories may change between the nodes of a long step unseen, motors' most of all: they are given."""
         paces = [history.pace for history in self.plant.histories]
-        own = [self.settings.longest_step or np.inf, self.times[1] if self.plant.driven.size else np.inf]
+        own = [self.settings.longest_step or np.inf, self.times[1] if self.plant.led else np.inf]
         return min(*own, *paces)
 
     def _begin(self):
@@ -245,7 +255,8 @@ class Marcher:
         q, qd = self.q.copy(), self.qd.copy()
         q[self.free], qd[self.free] = self.steps.end(step, v0, q0, x)
         self.plant.place(t, q, qd)
-        self.march.keep(t, q, qd, self.work + self._worked(step, x))
+        self.plant.project(t, q, qd)
+        self._keep(t, q, qd, self.work + self._worked(step, x))
 
     def _worked(self, step, x):
         """Integrals of power [11] from the beginning of a step to its fraction x."""
@@ -260,7 +271,8 @@ class Marcher:
         self.q[self.free], self.qd[self.free] = self.steps.end(step, v0, q0)
         self.t = t
         self.plant.place(t, self.q, self.qd)
-        refuse_singular(self.plant.robot, self.charts, t, self.q)
+        self.plant.project(t, self.q, self.qd)
+        refuse_singular(self.plant.robot, self.charts, t, self.q[: self.plant.robot.n])
         self.speed = max(self.speed, self._speed(self.qd[self.free]))
         if self.charts.renewed(self.q, self.qd):
             self._last, self._acceleration = None, self._begin()

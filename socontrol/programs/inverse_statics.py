@@ -19,10 +19,13 @@ from socontrol.programs.posture import Posture
 from socontrol.programs.question import Question
 from socontrol.programs.result import Result, Status, Value
 from socontrol.programs.sensitivity import sensitivities
+from socontrol.programs.solver import Outcome
 from socontrol.programs.statics import looked_at
-from socontrol.programs.unreachable import explain, pretty
+from socontrol.programs.unreachable import explain
+from socontrol.programs.words import pretty
 from socontrol.quantities import Bad, Flag, record
 
+AT_REST = 1e-9  # of the robot's length, or radians: a goal so near to rest is met there
 GOAL_TOLERANCE = 1e-7  # of the robot's length, or radians
 STEPS = 5  # of the continuation from rest to goal
 
@@ -38,9 +41,15 @@ class InverseStatics(Question):
     costs: dict[str, Cost] | None = None
     sensitivities: Flag = False
     optimises = True
+    asked = "inverse_statics"  # what results call this type
 
     def __post_init__(self):
         super().__post_init__()
+        self.refuse_goals()
+        self._refuse_given_beyond_limits()
+
+    def refuse_goals(self):
+        """Raise Bad for goals that cannot be asked for."""
         if not self.goals:
             raise Bad("goals", "no goal is given; name at least one")
         if sum(isinstance(g, Path) for g in self.goals.values()) > 1:
@@ -49,7 +58,6 @@ class InverseStatics(Question):
             raise Bad("goals", "the robot has no actuators that could meet a goal; add `actuators:` to its file")
         for name, goal in self.goals.items():
             _locate(self.robot, name, goal)
-        self._refuse_given_beyond_limits()
 
     def _refuse_given_beyond_limits(self):
         for key, (lower, upper) in (("inputs", self.input_limits()), ("coordinates", self.coordinate_limits())):
@@ -63,6 +71,14 @@ class InverseStatics(Question):
 
     def solve(self, progress=None):
         return self.prepare().solve(progress=progress)
+
+
+def _worst(goal, miss):
+    """Where along a shape the remainder is largest, in words."""
+    if not hasattr(goal, "places"):
+        return ""
+    size, X = max((float(np.linalg.norm(miss[rows])), at) for at, rows in goal.places())
+    return f" in all, at most by {pretty(size, goal.units()[0])} at X = {X:g}"
 
 
 def _locate(robot, name, goal):
@@ -122,6 +138,24 @@ class InverseSolver:
         answer = self.balance.solve(u, prescribed=self.posture.prescribed)
         return {"q": answer.q if answer.status.solved else np.zeros(self.question.robot.n), "u": u}
 
+    @cached_property
+    def _resting(self):
+        """Rest as what a solver might have returned, without multipliers."""
+        program = self.posture.exact.program
+        x = program.stack(self.rest)
+        nothing = np.zeros(program.limits()[0].size)
+        status = Status("solved", "Solved; the robot rests there.")
+        return Outcome(status, program.split(x), x, np.zeros(x.size), nothing, 0.0, 0, 0.0, 0.0)
+
+    @property
+    def _costs_nothing(self):
+        """Whether rest is the least there is: only effort counts, and nothing else is wanted. All inputs are then at
+        their limits, where an interior-point solver comes slowly or not at all."""
+        question, (lower, upper) = self.question, self.posture.limits()["q"]
+        plain = not question.costs and not getattr(question, "held", None) and not question.sensitivities
+        weighted = any(goal.weight is not None for goal in self.posture.goals.values())
+        return plain and not weighted and bool(np.all((lower <= self.rest["q"]) & (self.rest["q"] <= upper)))
+
     def guess(self):
         """Where the plain solve starts: the question's guess, or rest."""
         given = self.question.guess
@@ -144,12 +178,15 @@ class InverseSolver:
             return outcome
 
         try:
-            return self._find(parameters, attempt, start, warm), attempts
+            return self._find(parameters, attempt, attempts, start, warm), attempts
         except _Interrupted as stop:
             return stop.outcome, attempts
 
-    def _find(self, parameters, attempt, start, warm):
+    def _find(self, parameters, attempt, attempts, start, warm):
         posture = self.posture
+        if self._costs_nothing and self.meets(self._resting, parameters, AT_REST):
+            attempts.append(Attempt.of("rest", self._resting))
+            return self._resting
         if posture.overdetermined:
             near = attempt("nearest", posture.nearest, guess=start or self.guess())
             return self._several_starts(parameters, attempt, near, near)
@@ -252,22 +289,22 @@ class InverseSolver:
         q, u = outcome.values["q"], outcome.values["u"]
         solver = {"iterations": sum(a.iterations for a in attempts), "seconds": seconds}
         result = Result(
-            name=question.name, type="inverse_statics", status=outcome.status, question=question, log=_log(attempts),
+            name=question.name, type=question.asked, status=outcome.status, question=question, log=_log(attempts),
             arrays={"q": q, "u": u}, solver=solver, details={"attempts": attempts, "targets": parameters},
         )  # fmt: skip
         if not np.all(np.isfinite(q)):
             return result
-        residuals = {}
-        for name, miss in posture.misses(q, parameters).items():
+        residuals, misses = {}, posture.misses(q, parameters)
+        for name, miss in misses.items():
             units = np.array(posture.goals[name].units())
             for unit in dict.fromkeys(units):
                 key = f"goals.{name}" if unit == units[0] else f"goals.{name}.{unit}"
                 residuals[key] = Value(float(np.linalg.norm(miss[units == unit])), str(unit))
         if outcome.status.solved:
             missed = [
-                f"{n} missed by {pretty(residuals[f'goals.{n}'].value, residuals[f'goals.{n}'].unit)}"
+                f"{n} missed by {pretty(r.value, r.unit)}{_worst(goal, misses[n])}"
                 for n, goal in posture.goals.items()
-                if goal.weight is not None and residuals[f"goals.{n}"].value > GOAL_TOLERANCE
+                if goal.weight is not None and (r := residuals[f"goals.{n}"]).value > GOAL_TOLERANCE
             ]
             sentence = f"{outcome.status.message.rstrip('.')}; weighted goal {', '.join(missed)}."
             result = replace(result, status=Status("solved", sentence)) if missed else result

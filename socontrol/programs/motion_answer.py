@@ -19,7 +19,7 @@ def answered(question, plant, march, seconds):
     """Result of what a march has recorded, all of it or a part."""
     robot, t = plant.robot, np.array(march.t)
     arrays = {"t": t, "q": np.array(march.q), "qd": np.array(march.qd)}
-    arrays["u"] = np.array([plant.inputs(x) for x in t])
+    arrays["u"] = np.array(march.u or [plant.inputs(x) for x in t])
     work = np.array(march.work)
     arrays["work"], arrays["impulse"] = work[:, : len(WORKS)], work[:, len(WORKS) :]
     arrays |= _energies(plant, arrays) | ends(robot, robot.functions(), arrays)

@@ -1,4 +1,4 @@
-"""Limits of a motion beside those of a posture: rates, rates of inputs, lengths of cables, speeds of points."""
+"""Limits of a motion or a path beside those of a posture: rates, of inputs and lengths too, lengths, speeds."""
 
 from typing import Annotated, Any
 
@@ -17,18 +17,11 @@ class Speed:
     at: Fraction = 1.0
 
 
-@record(kw_only=True)
-class MotionLimits:
-    """rates: of coordinates; input_rates; lengths: of an actuator's lines together. A number holds both ways, a pair
-    is lower and upper. speeds: of points, each by a name of its own."""
-
-    rates: dict[str, Range] | None = None
-    input_rates: dict[str, Range] | None = None
-    lengths: dict[str, tuple[Raw, Raw]] | None = None
-    speeds: dict[str, Speed] | None = None
+class Ranges:
+    """Limits by name: a number holds both ways, a pair is lower and upper."""
 
     def ranges(self, key, names, units):
-        """{index: (lower, upper)} in SI of `rates`, `input_rates` or `lengths`; raises Bad."""
+        """{index: (lower, upper)} in SI of one key; raises Bad."""
         found = {}
         for name, given in (getattr(self, key) or {}).items():
             path = f"limits.{key}.{name}"
@@ -44,3 +37,23 @@ class MotionLimits:
                 raise Bad(path, f"no value is left between {low:g} and {high:g}")
             found[i] = low, high
         return found
+
+
+@record(kw_only=True)
+class MotionLimits(Ranges):
+    """rates: of coordinates; input_rates; lengths: of an actuator's lines together. A number holds both ways, a pair
+    is lower and upper. speeds: of points, each by a name of its own."""
+
+    rates: dict[str, Range] | None = None
+    input_rates: dict[str, Range] | None = None
+    lengths: dict[str, tuple[Raw, Raw]] | None = None
+    speeds: dict[str, Speed] | None = None
+
+
+@record(kw_only=True)
+class PathLimits(Ranges):
+    """input_rates, length_rates (of an actuator's lines together): from waypoint to waypoint of a path in its timing.
+    A number holds both ways, a pair is lower and upper."""
+
+    input_rates: dict[str, Range] | None = None
+    length_rates: dict[str, Range] | None = None

@@ -8,6 +8,7 @@ scaled, x = scale * x_hat, and rows come scaled.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,7 +22,8 @@ class Part:
     """One kind of part. local [L], data [d], p: symbols; rows [r]; cost: a scalar; squares: half their sum joins it.
 
     where [K x L]: places in x; numbers [K x d]; lower, upper [K x r]; scale [r]: SI per scaled row; units [r];
-    when [K]: interval or node, for the order of rows; linking: rows that join one stage to the next.
+    when [K]: interval or node, for the order of rows; linking: rows that join one stage to the next; derivatives:
+    (sigma, lam) -> Jacobian of the rows and upper half of the Hessian, where they are not left to differentiation.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Part:
     units: tuple
     when: np.ndarray
     linking: bool = False
+    derivatives: Any = None
 
     @property
     def count(self):

@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import se3
-from socontrol.programs.goals import around, locate
+from socontrol.programs.goals import locate
+from socontrol.programs.waypoints import around
 from socontrol.quantities import (
     Axis,
     Bad,

@@ -26,10 +26,11 @@ class Plant:
         self._residual = buffered(f.motion_residual)
         self._tangents = buffered(f.motion_tangents)
         self._power = buffered(f.power)
-        self._inputs = _Sampled(inputs)
-        self._driven = _Sampled([driven[i] for i in self.driven], order=2)
-        self._factors = _Sampled([factors[name] for name in factors])
+        self._inputs = Sampled(inputs)
+        self._driven = Sampled([driven[i] for i in self.driven], order=2)
+        self._factors = Sampled([factors[name] for name in factors])
         self.histories = [*inputs, *driven.values(), *factors.values()]
+        self.led = bool(self.driven.size)  # whether motors move coordinates or lengths as given
 
     def inputs(self, t):
         """u [m]."""
@@ -58,7 +59,10 @@ class Plant:
         M, K, D = self._tangents(q, qd, self.inputs(t), *self.parameters(t))
         return M.T.copy(), K.T.copy(), D.T.copy()
 
-    def power(self, t, q, qd, r):
+    def project(self, t, q, qd):
+        """Put what has drifted from conditions on the motion back, in q and qd: here there are none."""
+
+    def power(self, t, q, qd, qdd, r):
         """Power [5, W] of WORKS, and the wrench [6] on the whole robot; r [n]: the residual there."""
         power, wrench = self._power(q, qd, self.inputs(t), *self.parameters(t))
         motors = r[self.driven] @ qd[self.driven] if self.driven.size else 0.0
@@ -105,7 +109,7 @@ class Plant:
         return (ca.vertcat(*(ca.DM(values) * factors[k] for k, values in self._scaled)),)
 
 
-class _Sampled:
+class Sampled:
     """Histories [k] and their derivatives up to `order`, as arrays; constant ones are evaluated once."""
 
     def __init__(self, histories, order=0):

@@ -77,19 +77,23 @@ class Posture:
                 pairs[key][0][i] = pairs[key][1][i] = value
         return pairs
 
-    def _nlp(self, nearest, anchored=False):
+    def program(self, nearest=False, anchored=False):
+        """The program as declared: one can add to it before it is made ready."""
         robot, s, limits = self.robot, self.scales, self.limits()
         program = Program(ca.SX.sym)
         q = program.variable("q", robot.n, scale=s.q, lower=limits["q"][0], upper=limits["q"][1])
         u = program.variable("u", robot.m, scale=s.u, lower=limits["u"][0], upper=limits["u"][1])
-        loads = [program.parameter(path, robot.value(path)) for path in self.balance.parameters]
-        arguments = (q, u, ca.vertcat(*loads))[: self.balance.function.n_in()]
-        terms = Terms(self.balance, q, u, self.balance.function(*arguments), program.variables["q"].symbol)
+        changing = {path: program.parameter(path, robot.value(path)) for path in self.balance.parameters}
+        arguments = (q, u, ca.vertcat(*changing.values()))[: self.balance.function.n_in()]
+        terms = Terms(self.balance, q, u, self.balance.function(*arguments), program.variables["q"].symbol, changing)
         slack = np.where(self.free, 0.0, np.inf)
         program.constrain(
             "equilibrium", terms.residual, lower=-slack, upper=slack, scale=s.force, unit="scaled",
             tangent={"q": terms.tangent, "u": -terms.actuation}, curvature=terms.curvature,
         )  # fmt: skip
+        if held := getattr(self.question, "held", None):
+            lengths = robot.functions(compiled=False).actuator_lengths.function(q)
+            program.constrain("lengths", held.gap(lengths, u), scale=robot.length, unit="m")
         for name, goal in self.goals.items():
             target = program.parameter(f"target.{name}", goal.numbers())
             scale = np.array(goal.scales(robot.length))
@@ -110,8 +114,11 @@ class Posture:
         if anchored:
             pull, anchor = (program.parameter(key, np.zeros(robot.n + robot.m)) for key in ("pull", "anchor"))
             program.minimize(ca.dot(pull, (program.x - anchor) ** 2) / 2)
+        return program
+
+    def _nlp(self, nearest, anchored=False):
         often = not anchored and nearest == self.overdetermined  # the others are for goals out of reach
-        return NLP(program, self.question.solver, robot.compiled and often)
+        return NLP(self.program(nearest, anchored), self.question.solver, self.robot.compiled and often)
 
     def misses(self, q, targets=None):
         """{goal: miss in SI [rows]} at numeric q."""
@@ -136,13 +143,15 @@ class Posture:
 class Terms:
     """The expressions costs and constraints are made of (also what `costs` calls a posture).
 
-    found: residual, tangent and actuation at (q, u); hat: the unknown that q is the scaled form of.
+    found: residual, tangent and actuation at (q, u); hat: the unknown that q is the scaled form of; changing:
+    {path: symbol} of the robot's values that are parameters.
     """
 
-    def __init__(self, balance, q, u, found, hat):
+    def __init__(self, balance, q, u, found, hat, changing=None):
         self.robot, self.q, self.u = balance.robot, q, u
+        driving = {path: symbol for path, symbol in (changing or {}).items() if path.startswith("actuators.")}
         self.q_scale, self.u_scale, self.energy_scale = balance.scales.q, balance.scales.u, balance.scales.energy
-        self.statics = Statics(balance.robot, q, u)
+        self.statics = Statics(balance.robot.with_values(driving) if driving else balance.robot, q, u)
         self.kin = self.statics.kin
         self.residual, self.tangent, self.actuation = found
         self._hat = hat

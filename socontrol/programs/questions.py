@@ -10,6 +10,7 @@ from socontrol.programs.integrators import Cvodes
 from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.simulation import Simulation
 from socontrol.programs.statics import Statics
+from socontrol.programs.tensions import Tensions
 from socontrol.programs.trajectory import Trajectory
 from socontrol.quantities import OneOf
 
@@ -18,6 +19,7 @@ QUESTIONS = {
     "inverse_statics": InverseStatics,
     "simulation": Simulation,
     "trajectory": Trajectory,
+    "tensions": Tensions,
     "fit": Fit,
 }
 SOLVERS = {name: solver for question in QUESTIONS.values() for name, solver in question.solvers.items()}

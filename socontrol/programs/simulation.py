@@ -10,11 +10,15 @@ import numpy as np
 from socontrol.programs.answer import collapsed, spread
 from socontrol.programs.balance import Balance
 from socontrol.programs.charts import Charts
+from socontrol.programs.conditions import Constrained
 from socontrol.programs.cvodes import CvodesMarch
+from socontrol.programs.held_balance import HeldBalance
+from socontrol.programs.held_march import HeldMarcher
 from socontrol.programs.integrators import INTEGRATORS, Cvodes, Duration, Marcher, Radau
 from socontrol.programs.motion_answer import answered
+from socontrol.programs.moving_lengths import MovingLengths
 from socontrol.programs.plant import Plant
-from socontrol.programs.question import Bounds, Guess, Named, Question, read
+from socontrol.programs.question import Bounds, Guess, Named, read
 from socontrol.programs.result import Result, Status
 from socontrol.programs.signals import Changing, history
 from socontrol.quantities import Bad, Either, Flag, joined, nearest, record
@@ -59,9 +63,10 @@ class Start:
 
 
 @record(kw_only=True)
-class Simulation(Question):
-    """How does the robot move? `inputs` and `coordinates` (driven joints) by name, values or histories; `load_factors`:
-    what multiplies a load's force and moment in time. `solver`: an integrator."""
+class Simulation(MovingLengths):
+    """How does the robot move? `inputs` and `coordinates` (driven joints) by name, values or histories; so are the
+    `lengths`, `motors` and `volumes` of inputs that are given by length; `load_factors`: what multiplies a load's force
+    and moment in time. `solver`: an integrator."""
 
     times: Annotated[Any, Either(Times, tuple[Duration, ...])]
     solver: Any = Radau()
@@ -88,6 +93,7 @@ class Simulation(Question):
             raise Bad("solver", "all coordinates are driven, so nothing is left to integrate; use `radau`")
         self._refuse_early_ends()
         self._refuse_beyond_limits()
+        self.refuse_lengths()
 
     def first_coordinates(self):
         """q [n] at t = 0 as the file gives it."""
@@ -158,6 +164,7 @@ class Simulation(Question):
         rows = [(f"inputs.{name}", h) for name, h in zip(robot.inputs, self._inputs, strict=True)]
         rows += [(f"coordinates.{robot.coordinates[i]}", h) for i, h in self.driven.items()]
         rows += [(f"load_factors.{name}", h) for name, h in self.factors.items()]
+        rows += [(row.path, h) for row, h in self.by_length]
         for path, given in rows:
             if given.end < stop * (1 - 1e-9):
                 raise Bad(f"{path}.times", f"the table ends at {given.end:g} s, before the motion does, at {stop:g} s")
@@ -193,12 +200,13 @@ class Simulation(Question):
         began, robot = time.perf_counter(), self.loaded
         plant = Plant(robot, self._inputs, self.driven, self.factors)
         refuse_massless(plant)
+        plant = self.constrained(plant)
         q, status = self._settled(plant, self.first_coordinates())
         if status is not None:
             return Result(name=self.name, type="simulation", status=status, question=self)
         march = self._march(plant, q, self._rates(), progress)
         try:
-            result = answered(self, plant, march, time.perf_counter() - began)
+            result = self.with_lengths(answered(self, plant, march, time.perf_counter() - began), march)
         except KeyboardInterrupt:
             status = Status("interrupted", "Stopped by the user after the motion; its states alone are kept.")
             arrays = {key: np.array(getattr(march, key)) for key in ("t", "q", "qd")}
@@ -212,7 +220,8 @@ class Simulation(Question):
         if isinstance(self.solver, Cvodes):
             return CvodesMarch(plant, self.solver, self.outputs, Charts(plant.robot, plant.driven)).run(q, qd, progress)
         weights = displacement_weights(plant.robot)
-        return Marcher(plant, self.solver, self.outputs, weights, plant.robot.length).run(q, qd, progress)
+        kind = HeldMarcher if isinstance(plant, Constrained) else Marcher
+        return kind(plant, self.solver, self.outputs, weights, plant.robot.length).run(q, qd, progress)
 
     def _settled(self, plant, q):
         """(q [n] at t = 0, None), or (None, status) where no rest shape is found."""
@@ -220,7 +229,8 @@ class Simulation(Question):
             return q, None
         u = self.vector("inputs", self.start.inputs, "start.inputs") if self.start.inputs else plant.inputs(0.0)
         parameters = plant.parameters(0.0)
-        balance = Balance(replace(plant.robot, compiled=False), plant.functions.parameters)  # solved once
+        robot, paths = replace(plant.robot, compiled=False), plant.functions.parameters  # solved once
+        balance = HeldBalance(robot, self.held, paths) if self.held else Balance(robot, paths)
         held = {int(i): q[i] for i in plant.driven}
         answer = balance.solve(u, q, p=parameters[0] if parameters else None, prescribed=held)
         if answer.status.solved:
@@ -237,7 +247,7 @@ class Simulation(Question):
             marks = np.zeros(robot.n)
             marks[i] = 1.0
             driven |= {int(k): given for k in np.flatnonzero(spread(robot, fine, marks))}
-        plant = Plant(fine, self._inputs, driven, self.factors)
+        plant = self.constrained(Plant(fine, self._inputs, driven, self.factors))
         q, status = self._settled(plant, spread(robot, fine, result.arrays["q"][0]))
         march = self._march(plant, q, spread(robot, fine, result.arrays["qd"][0]), progress) if status is None else None
         if march is None or not march.status.solved:

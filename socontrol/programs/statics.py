@@ -1,19 +1,20 @@
-"""Problem type `statics`: inputs and loads are given, the configuration is found."""
+"""Problem type `statics`: inputs, or lengths of their lines, and loads are given, the configuration is found."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from socontrol.programs.answer import FORCE_TOLERANCE, Look
-from socontrol.programs.balance import Balance
-from socontrol.programs.question import Question
+from socontrol.programs.held_balance import balance_of
+from socontrol.programs.lengths import LengthQuestion
 from socontrol.programs.result import Result, Status, Value
-from socontrol.quantities import record
+from socontrol.quantities import joined, record
 
 
 @record(kw_only=True)
-class Statics(Question):
-    """Where does the robot come to rest under these inputs and loads?"""
+class Statics(LengthQuestion):
+    """Where does the robot come to rest under these inputs, lengths and loads?"""
 
     def prepare(self):
         return StaticsSolver(self)
@@ -27,7 +28,7 @@ class StaticsSolver:
 
     def __init__(self, question):
         self.question = question
-        self.balance = Balance(question.loaded)
+        self.balance = balance_of(question.loaded, question.held)
         self.look = Look(question, self.balance)
         self.prescribed = question.named("coordinates", question.coordinates)
         self.free = np.ones(question.robot.n, dtype=bool)
@@ -36,17 +37,43 @@ class StaticsSolver:
     def solve(self):
         """The equilibrium as a Result, looked at again on an independent path."""
         question = self.question
-        u = question.vector("inputs", question.inputs)
+        guess = question.vector("inputs", question.guess.inputs, "guess.inputs")
+        u = np.zeros(guess.size)
+        u[question.held.index] = guess[question.held.index]
+        for i, value in question.named("inputs", question.inputs).items():
+            u[i] = value
         q0 = question.vector("coordinates", question.guess.coordinates, "guess.coordinates")
         began = time.perf_counter()
         limit = question.solver.max_iterations
         answer = self.balance.solve(u, q0, prescribed=self.prescribed, max_iterations=limit)
         seconds = time.perf_counter() - began
+        u = getattr(answer, "u", u)
         result = Result(
             name=question.name, type="statics", status=answer.status, question=question,
             arrays={"q": answer.q, "u": u}, solver={"iterations": answer.iterations, "seconds": seconds},
         )  # fmt: skip
-        return looked_at(result, self.look, self.free, self.prescribed) if answer.status.solved else result
+        if not answer.status.solved:
+            return result
+        result = looked_at(result, self.look, self.free, self.prescribed)
+        return self._told_of_lengths(result, answer) if question.held else result
+
+    def _told_of_lengths(self, result, answer):
+        """The result with what its lengths leave open: slack cables, and tensions that they do not decide."""
+        slack, told = self.look.slack(answer.u), ""
+        if slack:
+            told = f" Slack: {joined(slack, 'and')}."
+        if answer.redundant:
+            told += " These lengths depend on each other: other inputs would hold them too; the least are taken."
+        place, change = answer.steepest
+        if 1e-5 * self.look.robot.length * change > 1:
+            name, i = self.question.held.names[place], self.question.held.index[place]
+            most, unit = 1e-6 * change * self.balance.scales.u[i], self.question.robot.input_units[i]
+            told += (f" These lengths nearly depend on each other: {name} longer by 1 um changes an input by {most:.2g}"
+                     f" {unit}; give cables their `stiffness`.")  # fmt: skip
+        details = {**result.details, "held": list(self.question.held.names), "slack": slack,
+                   "redundant": answer.redundant}  # fmt: skip
+        status = replace(result.status, message=f"{result.status.message}{told}")
+        return replace(result, status=status, details=details)
 
 
 def looked_at(result, look, free, prescribed, residuals=None):
@@ -60,6 +87,11 @@ def looked_at(result, look, free, prescribed, residuals=None):
             "rejected",
             f"The recomputed unbalanced force is {residuals['force'].value:.2g} of the largest force, above"
             f" {FORCE_TOLERANCE:g}; use more Gauss points (`quadrature`) or sections.",
+        )
+    elif status.solved and not look.met(residuals):
+        status = Status(
+            "rejected",
+            f"The recomputed lengths are {1e3 * residuals['lengths'].value:.2g} mm off; use more Gauss points.",
         )
     elif judged and collapsed:
         status = Status(
@@ -86,4 +118,7 @@ def looked_at(result, look, free, prescribed, residuals=None):
             values[f"holding.{name}"] = Value(float(r[i]), units.get(unit, "conjugate"))
     if look.question.discretisation and status.solved:
         details["discretisation"] = look.doubled(q, u, prescribed)
-    return Result(**{**vars(result), "status": status, "values": values, "residuals": residuals, "details": details})
+    along = look.cables(q, u)
+    arrays = {**result.arrays, **{f"cable.{name}.s": s for name, (s, _) in along.items()},
+              **{f"cable.{name}.tension": tension for name, (_, tension) in along.items()}}  # fmt: skip
+    return replace(result, status=status, values=values, arrays=arrays, residuals=residuals, details=details)

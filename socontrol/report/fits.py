@@ -76,7 +76,7 @@ def fit_figure(result):
     axes[1].set_xlabel("measured inputs")
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(names))
-    figure.suptitle(f"{result.name}: errors by variant and factor on the inputs", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: errors by variant and factor on the inputs")
     return figure
 
 

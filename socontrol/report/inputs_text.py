@@ -1,11 +1,15 @@
 """The table of inputs: value or range, limits, and a bar that shows where between them."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from socontrol.programs.result import Value
 from socontrol.report.columns import columns
 from socontrol.report.units import fixed, number, readable
 
 BAR = 10  # characters
+SEEN = 0.005  # of the limit: less reads as 0 %
 
 
 def _limits(result):
@@ -22,8 +26,8 @@ def input_values(result):
     ]
 
 
-def inputs_table(result, console, on_path):
-    """Print the inputs, on a path their ranges; nothing without any."""
+def inputs_table(result, console, on_path, idle=()):
+    """Print the inputs, on a path their ranges; nothing without any. `idle`: names of slack cables."""
     values = input_values(result)
     if not values:
         return
@@ -41,10 +45,21 @@ def inputs_table(result, console, on_path):
                 *numbers,
                 shown,
                 _span(lower[k], upper[k], one, shown),
-                _bar(console, low, high, lower[k], upper[k]),
+                "slack" if name in idle else _bar(console, low, high, lower[k], upper[k]),
             ]
         )
-    columns(console, ["input", *(["from>", "to>"] if ranges else ["value>"]), "", "limits", ""], rows)
+    columns(console, ["input", *(["least>", "most>"] if ranges else ["value>"]), "", "limits", ""], rows)
+
+
+def ranges_table(result, console, u):
+    """Print the ranges of inputs u [K x m] and where they stand within their limits."""
+    robot = result.question.robot
+    if not robot.m or not len(u):
+        return
+    u = np.reshape(u, (-1, robot.m))
+    largest = zip(robot.inputs, np.max(np.abs(u), axis=0), robot.input_units, strict=True)
+    values = {f"inputs.{name}": Value(float(x), unit) for name, x, unit in largest}
+    inputs_table(replace(result, values=values, arrays={"path.u": u}), console, on_path=True)
 
 
 def _scales(rows, lower, upper):
@@ -71,15 +86,19 @@ def _bar(console, low, high, lower, upper):
         return ""
     full, empty = ("#", ".") if console.options.ascii_only else ("\u2588", "\u2591")
     signed = lower < 0 < upper
+    size = BAR // 2 if signed else BAR
     shares = [(x / upper if x >= 0 else -x / lower) if signed else (x - lower) / (upper - lower) for x in (low, high)]
-    percent = " to ".join(dict.fromkeys(f"{100 * s:.0f}".replace("-0", "0") for s in shares))
+    told = [f"{100 * s:.0f}".replace("-0", "0") for s in shares]
     if signed:
-        half = BAR // 2
-        left, right = (int(round(half * max(0.0, s))) for s in (-shares[0], shares[1]))
-        bar = empty * (half - left) + full * left + "|" + full * right + empty * (half - right)
+        left, right = (_blocks(s, size) for s in (-shares[0], shares[1]))
+        bar = empty * (size - left) + full * left + "|" + full * right + empty * (size - right)
     else:
-        first, last = (int(round(BAR * float(np.clip(s, 0, 1)))) for s in shares)
-        first = 0 if low == high else min(first, BAR - 1)
-        last = last if low == high else max(last, first + 1)
-        bar = empty * first + full * (last - first) + empty * (BAR - last)
-    return f"{bar} {percent} %"
+        last = _blocks(shares[1], size)
+        first = 0 if low == high else max(0, min(int(round(size * min(1.0, shares[0]))), last - 1))
+        bar = empty * first + full * (last - first) + empty * (size - last)
+    return f"{bar} {' to '.join(dict.fromkeys(told))} %"
+
+
+def _blocks(share, size):
+    """Full ones of `size` characters: at least one for what does not read as 0 %."""
+    return max(int(round(size * float(np.clip(share, 0, 1)))), int(share >= SEEN))

@@ -8,7 +8,7 @@ import numpy as np
 from socontrol.report import shapes
 from socontrol.report.obstacle_shapes import drawn, shows_in_plane
 
-MOVING = ("simulation", "trajectory")  # types whose results are motions
+MOVING = ("simulation", "trajectory", "tensions")  # types whose results can be motions
 OVERLAID = 8  # postures drawn over one another
 LOOKED_AT = 40  # outputs that are looked at to find the plane and the limits of a motion
 FLAT = 1e-3  # thickness over size of what counts as a plane

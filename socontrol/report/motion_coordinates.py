@@ -6,9 +6,9 @@ from socontrol.model.bases import STRAIN_UNITS, STRAINS
 from socontrol.model.rods import Rod
 from socontrol.report import style
 from socontrol.report.motion import Motion
-from socontrol.report.motion_curves import QUANTITY, dress
+from socontrol.report.motion_curves import dress
 from socontrol.report.motion_text import NOISE
-from socontrol.report.units import readable
+from socontrol.report.units import QUANTITY, readable
 
 MOST_RODS = 3  # with a column of axes each; more share their axes, coloured by rod
 
@@ -44,7 +44,7 @@ def coordinates_figure(result):
         ax.xaxis.set_major_locator(MaxNLocator(7 if columns == 1 else 5, steps=[1, 2, 5, 10]))
     _section_bar(figure, lines)
     zero = " (those that stay zero left out)" if _still(motion) else ""
-    figure.suptitle(f"{result.name}: coordinates{motion.ending()}{zero}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: coordinates{motion.ending()}{zero}")
     return figure
 
 

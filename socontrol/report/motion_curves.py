@@ -5,16 +5,15 @@ import numpy as np
 from socontrol.report import style
 from socontrol.report.motion import Motion
 from socontrol.report.motion_text import KINDS, NOISE, WORKS
-from socontrol.report.units import SMALL, readable
-
-QUANTITY = {"Pa": "pressure", "N": "force", "N m": "torque", "m": "length", "rad": "angle"}
+from socontrol.report.units import QUANTITY, SMALL, readable
 
 
-def dress(ax, motion):
-    """What all axes over time share: limits, a line at 0, a grid."""
+def dress(ax, motion, level=True):
+    """What all axes over time share: limits, a line at 0 (`level`), a grid."""
     if motion.t[-1] > motion.t[0]:
         ax.set_xlim(motion.t[0], motion.t[-1])
-    ax.axhline(0, color="#999999", lw=0.7, zorder=1)
+    if level:
+        ax.axhline(0, color="#999999", lw=0.7, zorder=1)
     ax.grid(color="#e6e9ed", lw=0.5)
     ax.set_axisbelow(True)
     ax.margins(y=0.1)
@@ -54,7 +53,7 @@ def energies_figure(result):
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(f"{result.name}: energies and works{motion.ending()}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: energies and works{motion.ending()}")
     return figure
 
 
@@ -69,36 +68,47 @@ def _unexplained(ax, t, rest):
 
 
 def histories_figure(result):
-    """Inputs over time and the way of the ends beside; None unless an input changes or a joint is driven."""
+    """Inputs, given lengths and driven joints over time, the way of the ends beside; None unless any of them moves."""
     motion = Motion.of(result)
     if motion is None:
         return None
     u, robot = np.asarray(result.arrays["u"]).reshape(len(motion.t), -1), motion.robot
     used = [k for k in range(robot.m) if np.any(u[:, k])]
     units = list(dict.fromkeys(robot.input_units[k] for k in used))
-    driven = result.question.driven
-    if not any(np.ptp(u[:, k]) > 0 for k in used) and not driven:
+    driven, given = result.question.driven, _given_lengths(result)
+    if not any(np.ptp(u[:, k]) > 0 for k in used) and not driven and not given:
         return None
     kinds = list(dict.fromkeys(robot.coordinate_units[i] for i in driven))
-    rows = len(units) + len(kinds)
+    rows = len(units) + len(kinds) + bool(given)
     figure = style.new_figure(9.4, max(4.2, 0.9 + 1.7 * rows))
     left, right = figure.subfigures(1, 2, width_ratios=[1.15, 1])
     axes = np.ravel(left.subplots(rows, 1, sharex=True, squeeze=False))
     for ax, unit in zip(axes, units, strict=False):
         curves = {robot.inputs[k]: u[:, k] for k in used if robot.input_units[k] == unit}
         _curves(ax, motion, curves, unit, f"input {QUANTITY.get(unit, '')}".strip())
-    for ax, unit in zip(axes[len(units) :], kinds, strict=True):
+    for ax, unit in zip(axes[len(units) :], kinds, strict=False):
         curves = {robot.coordinates[i]: motion.q[:, i] for i in driven if robot.coordinate_units[i] == unit}
         _curves(ax, motion, curves, unit, f"driven {QUANTITY.get(unit, '')}".strip())
+    if given:
+        _curves(axes[-1], motion, given, "m", "length", level=False)
     axes[-1].set_xlabel("time [s]")
     _tip_ways(right, motion)
     idle = [name for k, name in enumerate(robot.inputs) if k not in used]
     still = f"; inputs zero throughout: {', '.join(idle[:8])}{' ...' if len(idle) > 8 else ''}" if idle else ""
-    figure.suptitle(f"{result.name}: inputs and ends{motion.ending()}{still}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: inputs and ends{motion.ending()}{still}")
     return figure
 
 
-def _curves(ax, motion, curves, unit, title):
+def _given_lengths(result):
+    """{name: lengths [k]} along the route of the inputs that are given by length, motor angle or volume."""
+    names, lengths = result.details.get("held") or (), result.arrays.get("lengths")
+    if lengths is None:
+        return {}
+    return {name: np.asarray(lengths)[:, result.question.robot.inputs.index(name)] for name in names}
+
+
+def _curves(ax, motion, curves, unit, title, level=True):
+    """Curves of one unit; `level`: with a line at 0."""
     keep = motion.thinned()
     one, name = readable(unit, *(x for values in curves.values() for x in (values.min(), values.max())))
     for n, (label, values) in enumerate(curves.items()):
@@ -106,7 +116,7 @@ def _curves(ax, motion, curves, unit, title):
         ax.plot(motion.t[keep], values[keep] / one, dash, color=colour, lw=1.4, label=label)
     ax.set_ylabel(f"{title} [{name}]")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 + (len(curves) - 1) // 10)
-    dress(ax, motion)
+    dress(ax, motion, level)
 
 
 def _tip_ways(figure, motion):

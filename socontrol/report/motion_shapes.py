@@ -22,7 +22,7 @@ def shapes_figure(result):
     ends = motion.tips
     what = f"track of the end{'s' * (len(ends) > 1)} of {', '.join(ends[:3])}{' ...' if len(ends) > 3 else ''}"
     title = f"{result.name}: {len(motion.overlaid)} times{motion.ending()}; thin line: {what}"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    style.title(figure, title)
     return figure
 
 

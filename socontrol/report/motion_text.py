@@ -6,6 +6,7 @@ from rich.text import Text
 from socontrol.programs.result import Value
 from socontrol.report.columns import columns, line, say
 from socontrol.report.said import counted, discretisation, duration, headline, in_units, segments_of, tips_of
+from socontrol.report.tension_text import of_simulation
 from socontrol.report.units import fixed, number, readable, with_unit
 
 KINDS = ("kinetic", "elastic", "gravitational")
@@ -34,6 +35,7 @@ def render(result, console, verbose=0):
         line(console, "")
     _ends(result, console, verbose)
     _joints(result, console)
+    of_simulation(result, console)
     _energies(result, console)
     _trust(result, console)
     if verbose > 1 and result.question is not None:

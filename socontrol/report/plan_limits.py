@@ -6,12 +6,16 @@ import numpy as np
 
 from socontrol.report.units import number, readable
 
+WITHIN = 1.0  # of the range of coordinates and rates
 NEAR = 1e-4  # of the range: closer to a limit is on it, past it by more is beyond
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """values [K x j] of `names` in `units` at the output times, lower and upper [j]; replay [K x j]: re-simulated."""
+    """values [K x j] of `names` in `units` at the output times, lower and upper [j]; replay [K x j]: re-simulated.
+
+    within: limits further off than so many times the range of the values are not worth drawing.
+    """
 
     title: str
     names: tuple
@@ -20,6 +24,7 @@ class Quantity:
     lower: np.ndarray
     upper: np.ndarray
     replay: np.ndarray | None = None
+    within: float = np.inf
 
     def limits(self, k):
         """Finite limits of the k-th: none, one or two."""
@@ -41,8 +46,8 @@ def quantities(result):
     replayed = [arrays.get(key) for key in ("replay.q", "replay.qd")]
     bounded, rates = question.coordinate_limits(), limits(question, "rates", robot.coordinates, turns)
     found = [
-        Quantity("coordinate", robot.coordinates, robot.coordinate_units, arrays["q"], *bounded, replayed[0]),
-        Quantity("rate", robot.coordinates, turns, arrays["qd"], *rates, replayed[1]),
+        Quantity("coordinate", robot.coordinates, robot.coordinate_units, arrays["q"], *bounded, replayed[0], WITHIN),
+        Quantity("rate", robot.coordinates, turns, arrays["qd"], *rates, replayed[1], WITHIN),
         Quantity("input", robot.inputs, robot.input_units, u, *question.input_limits()),
     ]
     more = (("input rate", pulls, "ud", "input_rates"), ("length", robot.length_units, "lengths", "lengths"))

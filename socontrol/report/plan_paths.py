@@ -19,13 +19,13 @@ def path_figure(result):
     if motion is None:
         return None
     scene, colours = composed(motion)
-    entries = [*_obstacles(motion), *_replay(scene, motion), *_moments(scene, motion)]
+    entries = [*_obstacles(motion), *replayed(scene, motion), *_moments(scene, motion)]
     figure = drawn(motion, scene, colours)
-    _key(figure, entries)
+    key(figure, entries)
     state = "" if result.status.solved else f", {result.status.outcome}"
     ends = f"end of {motion.tips[0]}" if len(motion.tips) == 1 else "the ends"
     count = len(motion.overlaid)
-    figure.suptitle(f"{result.name}: {count} times{state}; thin line: track of {ends}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: {count} times{state}; thin line: track of {ends}")
     return figure
 
 
@@ -39,25 +39,26 @@ def _obstacles(motion):
     word = f"obstacle {names[0]}" if len(names) == 1 else f"{len(names)} obstacles"
     entries = [(Patch(fc=FACE, ec=EDGE), word)]
     if any(one.shell is not None for one in motion.near.values()):
-        entries.append((_symbol(EDGE, "", ls="--", lw=0.7), "its clearance" if len(names) == 1 else "their clearances"))
+        entries.append((symbol(EDGE, "", ls="--", lw=0.7), "its clearance" if len(names) == 1 else "their clearances"))
     return entries
 
 
-def _replay(scene, motion):
-    """Tracks of the ends when the planned inputs are run."""
+def replayed(scene, motion):
+    """Add tracks of the ends when the inputs are run in a simulation; entries of the key."""
     shown = False
     for name in motion.tips:
         track = motion.result.arrays.get(f"replay.{name}.position")
         if track is not None and np.all(np.isfinite(track)):
-            scene.stroke(track[motion.thinned()], REPLAY, width=1.3, style=":", layer=TOP - 1)
+            keep = motion.thinned()
+            scene.stroke(track[keep[keep < len(track)]], REPLAY, width=1.3, style=":", layer=TOP - 1)
             shown = True
-    return [(_symbol(REPLAY, "", ls=":", lw=1.3), "re-simulated")] if shown else []
+    return [(symbol(REPLAY, "", ls=":", lw=1.3), "re-simulated")] if shown else []
 
 
 def _moments(scene, motion):
     """Marks of what start, waypoints and end ask for, each at the time it holds; entries of the key."""
     size = float(np.max(motion.reach[1] - motion.reach[0]))
-    entries = [(_symbol(style.INK, "o", ms=4.5), "start"), (_symbol(style.INK, "s", ms=4.5), "end")]
+    entries = [(symbol(style.INK, "o", ms=4.5), "start"), (symbol(style.INK, "s", ms=4.5), "end")]
     for name in motion.tips:
         for k, marker in ((0, "o"), (-1, "s")):
             scene.mark(motion.track(name)[k], style.INK, marker=marker, size=5, face="#ffffff", layer=TOP)
@@ -68,11 +69,11 @@ def _moments(scene, motion):
             tint, marker = next(colour), "D"
             for tip in motion.tips:
                 scene.mark(motion.track(tip)[k], tint, marker=marker, size=5, face="#ffffff", layer=TOP)
-            entries.append((_symbol(tint, marker, ms=4.5), f"waypoint {name}"))
+            entries.append((symbol(tint, marker, ms=4.5), f"waypoint {name}"))
         for goal_name, goal in (moment.goals or {}).items():
             tint = next(colour)
             _add_goal(scene, goal, motion.posed(k), tint, size)
-            entries.append((_symbol(tint, "+", ms=9), f"goal {goal_name}"))
+            entries.append((symbol(tint, "+", ms=9), f"goal {goal_name}"))
     return entries
 
 
@@ -105,13 +106,14 @@ def _add_goal(scene, goal, posed, colour, size):
         scene.mark(point, colour, marker="+", size=11, layer=TOP + 1)
 
 
-def _symbol(colour, marker, **look):
+def symbol(colour, marker, **look):
+    """Handle of a mark, or with `ls` of a line, for a key."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], color=colour, marker=marker or None, mfc="#ffffff", **{"ls": "none", **look})
 
 
-def _key(figure, entries):
+def key(figure, entries):
     """What marks mean, below the drawing."""
     owner = figure.subfigs[-1] if figure.subfigs else figure
     wide = owner.bbox.width / figure.dpi

@@ -16,8 +16,7 @@ MOST_AXES = 2  # of one quantity in one unit
 MOST_ROWS = 5  # in one column
 MOVES = ("coordinate", "rate", "clearance")
 ALWAYS = ("coordinate", "rate", "input")  # drawn without limits, too
-WITHIN = 1.0  # of the range of the values: limits further out of coordinates and rates are not drawn
-BEYOND = "#c9ced4"
+BEYOND, TICK = "#c9ced4", "#8a939c"
 
 
 @dataclass(frozen=True)
@@ -43,20 +42,20 @@ def strips_figure(result):
     figure = style.new_figure(8.2 if len(columns) == 1 else 12.4, 1.1 + 1.4 * max(map(len, columns)))
     places, shown = figure.add_gridspec(1, len(columns)), set()
     for place, column in zip(places, columns, strict=True):
-        axes = _column(figure, place, len(column))
+        axes = stacked(figure, place, len(column))
         for ax, strip in zip(axes, column, strict=True):
-            shown |= _draw(ax, motion, strip)
-        shown |= _add_nodes(axes, motion) | _add_waypoints(axes, motion)
-    figure.legend(handles=[h for h in _key() if h.get_label() in shown], loc="outside lower center", ncols=5)
+            shown |= draw_strip(ax, motion, strip)
+        shown |= add_ticks(axes, motion.result.arrays.get("node.t"), "node of the mesh") | _add_waypoints(axes, motion)
+    figure.legend(handles=[h for h in key() if h.get_label() in shown], loc="outside lower center", ncols=5)
     state = "" if result.status.solved else f", {result.status.outcome}"
     note = f"\nnot drawn: {left_out}" if left_out else ""
-    figure.suptitle(f"{result.name}: plan{state}{note}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: plan{state}{note}")
     return figure
 
 
-def _column(figure, place, count):
-    """Axes below one another, on one time axis."""
-    axes, rows = [], place.subgridspec(count, 1)
+def stacked(figure, place, count, heights=None):
+    """`count` axes below one another in a cell of a grid, on one axis of time."""
+    axes, rows = [], place.subgridspec(count, 1, height_ratios=heights)
     for r in range(count):
         axes.append(figure.add_subplot(rows[r], sharex=axes[0] if axes else None))
         axes[r].tick_params(labelbottom=r + 1 == count)
@@ -77,12 +76,18 @@ def strips(motion):
             chosen = [k for k, own in enumerate(quantity.units) if own == unit and k not in strains]
             if quantity.title not in ALWAYS:
                 chosen = [k for k in chosen if quantity.limits(k)]
-            kept = _liveliest(quantity, chosen)
-            parts = [kept[k : k + MOST_LINES] for k in range(0, len(kept), MOST_LINES)]
-            rows += [Strip(quantity, tuple(part), unit) for part in parts]
-            if len(kept) < len(chosen):
-                left_out.append(f"{len(chosen) - len(kept)} {quantity.title}s that change less")
+            made, less = in_parts(quantity, chosen, unit)
+            rows += made
+            left_out += [less] if less else []
     return rows, "; ".join(left_out)
+
+
+def in_parts(quantity, chosen, unit):
+    """([Strip] of the columns `chosen` of a quantity, what is left out in words, empty where nothing is)."""
+    kept = _liveliest(quantity, chosen)
+    parts = [kept[k : k + MOST_LINES] for k in range(0, len(kept), MOST_LINES)]
+    less = f"{len(chosen) - len(kept)} {quantity.title}s that change less" if len(kept) < len(chosen) else ""
+    return [Strip(quantity, tuple(part), unit) for part in parts], less
 
 
 def leaves_out(result):
@@ -97,12 +102,12 @@ def _liveliest(quantity, chosen):
     return sorted(sorted(chosen, key=lambda k: -float(np.ptp(quantity.values[:, k])))[:most])
 
 
-def _draw(ax, motion, strip):
-    """Curves of one strip; labels of the key that they use."""
+def draw_strip(ax, motion, strip):
+    """Curves of one strip over the times of `motion`; labels of the key that they use."""
     quantity, chosen, keep = strip.quantity, list(strip.chosen), motion.thinned()
     values, used = quantity.values[:, chosen], set()
     low, high = float(values.min()), float(values.max())
-    ends = [x for x in (*quantity.lower[chosen], *quantity.upper[chosen]) if _near(quantity, x, low, high)]
+    ends = [x for x in (*quantity.lower[chosen], *quantity.upper[chosen]) if near(quantity, x, low, high)]
     one, name = in_unit(strip.unit, low, high, *ends)
     for n, k in enumerate(chosen):
         colour, dash = style.series(n)
@@ -118,23 +123,23 @@ def _draw(ax, motion, strip):
     return used | _add_limits(ax, strip, one, (low, high))
 
 
-def _near(quantity, limit, low, high):
-    """Whether a limit is near enough to be drawn; those of inputs always are."""
+def near(quantity, limit, low, high):
+    """Whether a limit is near enough to values from `low` to `high` to be drawn."""
     if not np.isfinite(limit):
         return False
     span = max(high - low, abs(low), abs(high))
-    return quantity.title not in ALWAYS[:2] or low - WITHIN * span <= limit <= high + WITHIN * span
+    return low - quantity.within * span <= limit <= high + quantity.within * span
 
 
 def _add_limits(ax, strip, one, values):
     """Dashed limits, in the colour of their curve where it is not that of all; beyond what is that of all: hatched."""
     quantity, chosen, shared, own = strip.quantity, list(strip.chosen), [], []
     for side, ends in ((-1, quantity.lower[chosen]), (1, quantity.upper[chosen])):
-        near = [(n, x) for n, x in enumerate(ends) if _near(quantity, x, *values)]
-        if near and len({x for _, x in near}) == 1 and len(near) == len(chosen):
-            shared.append((side, near[0][1] / one))
+        kept = [(n, x) for n, x in enumerate(ends) if near(quantity, x, *values)]
+        if kept and len({x for _, x in kept}) == 1 and len(kept) == len(chosen):
+            shared.append((side, kept[0][1] / one))
         else:
-            own += [(style.series(n)[0], x / one) for n, x in near]
+            own += [(style.series(n)[0], x / one) for n, x in kept]
     for colour, x in own:
         ax.axhline(x, color=colour, lw=0.9, ls=(0, (5, 3)), label="_limit")
     for _, x in shared:
@@ -154,9 +159,10 @@ def _add_limits(ax, strip, one, values):
 
 def _add_held(ax, motion, strip, one):
     """Circles where waypoints and end hold what is drawn; whether there are any."""
-    key = {"coordinate": "coordinates", "rate": "rates", "input": "inputs"}.get(strip.quantity.title)
-    held = [(time, k, getattr(moment, key, None)) for _, moment, time in moments(motion.result) for k in strip.chosen
-            if key is not None]  # fmt: skip
+    own = {"coordinate": "coordinates", "rate": "rates", "input": "inputs"}.get(strip.quantity.title)
+    if own is None:
+        return False
+    held = [(time, k, getattr(moment, own, None)) for _, moment, time in moments(motion.result) for k in strip.chosen]
     found = False
     for time, k, given in held:
         name = strip.quantity.names[k]
@@ -168,15 +174,14 @@ def _add_held(ax, motion, strip, one):
     return found
 
 
-def _add_nodes(axes, motion):
-    """Short ticks where intervals of the mesh meet."""
-    nodes = motion.result.arrays.get("node.t")
-    if nodes is None:
+def add_ticks(axes, times, label):
+    """Short ticks at times, that mean `label` in the key; None: no times."""
+    if times is None:
         return set()
     for ax in axes:
-        ax.plot(nodes, np.zeros(len(nodes)), "|", color="#8a939c", ms=5, mew=0.7, transform=ax.get_xaxis_transform(),
+        ax.plot(times, np.zeros(len(times)), "|", color=TICK, ms=5, mew=0.7, transform=ax.get_xaxis_transform(),
                 clip_on=False, zorder=5, label="_nodes")  # fmt: skip
-    return {"node of the mesh"}
+    return {label}
 
 
 def _add_waypoints(axes, motion):
@@ -190,12 +195,13 @@ def _add_waypoints(axes, motion):
     return set()
 
 
-def _key():
+def key():
+    """Handles that say what lines, circles and ticks of strips mean."""
     from matplotlib.lines import Line2D
 
     return [
         Line2D([], [], color=style.INK, ls=":", lw=1.4, label="re-simulated"),
         Line2D([], [], color=style.LIMIT, lw=0.9, ls=(0, (5, 3)), label="limit"),
         Line2D([], [], color=style.GOAL, marker="o", mfc="none", ls="none", ms=5, label="held"),
-        Line2D([], [], color="#8a939c", marker="|", ls="none", ms=6, label="node of the mesh"),
+        *(Line2D([], [], color=TICK, marker="|", ls="none", ms=6, label=x) for x in ("node of the mesh", "waypoint")),
     ]

@@ -1,17 +1,14 @@
 """A plan in words: what it takes and where it ends, limits it stands on, what a re-simulation says of it."""
 
-from dataclasses import replace
-
 import numpy as np
 from rich.text import Text
 
 from socontrol.programs.plan_answer import PENETRATION
-from socontrol.programs.result import Value
 from socontrol.report.columns import columns, line, say
-from socontrol.report.inputs_text import inputs_table
+from socontrol.report.inputs_text import ranges_table
 from socontrol.report.plan_limits import NEAR, at_limits, in_unit, quantities, told
 from socontrol.report.said import attempts, counted, duration, headline, segments_of, tips_of
-from socontrol.report.units import fixed, miss, number, readable, with_unit
+from socontrol.report.units import fixed, miss, number, percent, readable, with_unit
 
 MOST_NAMED = 6  # limits named in a sentence
 MOST_LOOSENED = 8  # rows of what to loosen
@@ -65,7 +62,7 @@ def _why_not(result, console):
                 for w in worst]  # fmt: skip
         columns(console, ["missed most", "node>", "at>", "by>"], rows)
     if loosen:
-        rows = [[(f"{k + 1}  {w['quantity']}", "bold"), _amount(w["by"], w["unit"]), _percent(w["share"])]
+        rows = [[(f"{k + 1}  {w['quantity']}", "bold"), _amount(w["by"], w["unit"]), percent(w["share"])]
                 for k, w in enumerate(loosen[:MOST_LOOSENED])]  # fmt: skip
         columns(console, ["loosen, first of all", "by>", "of its size>"], rows)
 
@@ -128,13 +125,7 @@ def _ranged(quantity, k, end=False):
 
 def _inputs(result, console):
     """The range of each input within its limits."""
-    robot, u = result.question.robot, result.arrays.get("u")
-    if u is None or not robot.m:
-        return
-    u = u.reshape(-1, robot.m)
-    largest = {name: Value(float(np.max(np.abs(u[:, k]))), robot.input_units[k]) for k, name in enumerate(robot.inputs)}
-    shown = replace(result, values={f"inputs.{name}": v for name, v in largest.items()}, arrays={"path.u": u})
-    inputs_table(shown, console, on_path=True)
+    ranges_table(result, console, result.arrays.get("u", ()))
 
 
 def _obstacles(result, console):
@@ -185,7 +176,7 @@ def _limits(result, console):
         where = "" if result.status.outcome in UNFINISHED else "between the points: "
         say(console, "beyond limit", where + by, "bold yellow")
     if on:
-        say(console, "at limit", _named(on, lambda row: f"{_percent(row.share)} of the time"))
+        say(console, "at limit", _named(on, lambda row: f"{percent(row.share)} of the time"))
     elif not past and any(x.limits(k) for x in kept for k in range(len(x.names))):
         say(console, "at limit", "none")
     if idle:
@@ -211,9 +202,9 @@ def _trust(result, console):
     replay = result.question.replay
     if "replay.tip" in values:
         share = result["replay.tip_share"]
-        text = f"tip within {miss(result['replay.tip'], 'm')} ({_percent(share)} of the length)"
+        text = f"tip within {miss(result['replay.tip'], 'm')} ({percent(share)} of the length)"
         if "replay.coordinates" in values:
-            text += f", coordinates within {_percent(result['replay.coordinates'])} of their range"
+            text += f", coordinates within {percent(result['replay.coordinates'])} of their range"
         say(console, "re-simulated", text, "bold yellow" if share > replay.tolerance else "")
     elif result.question.quasi_static:
         say(console, "re-simulated", "not: equilibria without masses, to be run slowly")
@@ -233,21 +224,17 @@ def _mesh(result, console, tolerance):
     halved = result.details.get("halved")
     if halved is not None:
         change = halved["cost_change"]
-        share = None if change is None else _percent(change / max(abs(result["cost"]), 1e-300))
+        share = None if change is None else percent(change / max(abs(result["cost"]), 1e-300))
         known = f"change the cost by {share}" if share else "do not lead to a plan: what the mesh costs is unknown"
         say(console, "cost", f"half the intervals, {halved['intervals']}, {known}")
     if "mesh.needed" not in values or not np.isfinite(result["mesh.needed"]):
         return
     have, need = int(result["mesh.intervals"]), int(result["mesh.needed"])
-    goal = f"the re-simulated tip within {_percent(tolerance)} of the length"
+    goal = f"the re-simulated tip within {percent(tolerance)} of the length"
     if need > have:
         say(console, "mesh", f"{counted(have, 'interval')}; about {need} would bring {goal}", "bold yellow")
     else:
         say(console, "mesh", f"{counted(have, 'interval')}; about {need} would do for {goal}")
-
-
-def _percent(share):
-    return f"{100 * share:.0f} %" if share >= 0.1 else f"{number(100 * share, 2)} %"
 
 
 def _ranges(result, console):

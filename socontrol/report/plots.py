@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from socontrol.programs import goals
 from socontrol.report import shapes, style
 from socontrol.report.fits import fit_figure
 from socontrol.report.motion_coordinates import coordinates_figure
@@ -13,10 +12,15 @@ from socontrol.report.motion_shapes import shapes_figure
 from socontrol.report.plan_paths import path_figure as plan_path_figure
 from socontrol.report.plan_strips import leaves_out, strips_figure
 from socontrol.report.portrait import robot_figure
-from socontrol.report.units import fixed, readable
+from socontrol.report.tension_cables import cables_figure
+from socontrol.report.tension_course import kind_of
+from socontrol.report.tension_paths import motion_figure, tracked_figure
+from socontrol.report.tension_strips import strips_figure as tension_strips_figure
+from socontrol.report.tension_table import slack_names, tight_limits
+from socontrol.report.tracks import input_rows, path_figure
+from socontrol.report.units import QUANTITY, fixed, readable
 
 LARGEST = 200_000  # bytes a file
-NOISE = 1e-9  # m, of a miss: smaller ones are not told apart
 RESOLUTIONS = (150, 120, 90, 60)  # dots an inch, taken in order until the file is small enough
 
 
@@ -29,12 +33,19 @@ def draw(result, folder):
     folder, paths = Path(folder), []
     folder.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(style.STYLE):
-        for name, make in (PLAN_FIGURES if result.type == "trajectory" else FIGURES).items():
+        for name, make in _figures(result).items():
             figure = make(result)
             if figure is not None:
                 paths.append(folder / f"{name}.png")
                 save(figure, paths[-1])
     return paths
+
+
+def _figures(result):
+    """{name: function} of what is drawn of a result."""
+    if result.type == "trajectory":
+        return PLAN_FIGURES
+    return TENSION_FIGURES.get(kind_of(result), FIGURES)
 
 
 def save(figure, path):
@@ -45,18 +56,9 @@ def save(figure, path):
             return
 
 
-def _inputs(result):
-    """Values [k x m] of all waypoints, or [1 x m]; None without inputs or without numbers."""
-    u = result.arrays.get("path.u")
-    u = result.arrays.get("u") if u is None or not len(u) else u
-    if u is None or result.type == "simulation" or result.question.robot.m == 0 or not np.all(np.isfinite(u)):
-        return None
-    return np.atleast_2d(u)
-
-
 def inputs_figure(result):
     """Bars of the inputs between their limits, one axes a unit; on a path their range and the last value."""
-    u, robot = _inputs(result), result.question.robot
+    u, robot = input_rows(result), result.question.robot
     if u is None:
         return None
     groups = {
@@ -71,7 +73,7 @@ def inputs_figure(result):
         _bars(ax, result, u, unit, chosen)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    figure.suptitle(f"{result.name}: inputs", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: inputs")
     return figure
 
 
@@ -81,9 +83,10 @@ def _bars(ax, result, u, unit, chosen):
     one, name = readable(unit, *finite, *u[:, chosen].ravel())
     reached = {
         limit["name"]: "beyond limit" if limit.get("beyond", 0) > 0 else "at limit"
-        for limit in result.details.get("limits", ())
+        for limit in tight_limits(result)
         if limit["kind"] == "input"
     }
+    reached |= dict.fromkeys(slack_names(result), "slack")
     size = max([abs(x) for x in finite] + [float(np.max(np.abs(u[:, chosen]))), 1e-300]) / one
     for row, k in enumerate(chosen):
         first, last, now = u[:, k].min() / one, u[:, k].max() / one, u[-1, k] / one
@@ -98,6 +101,7 @@ def _bars(ax, result, u, unit, chosen):
                 label="within the limits" if row == 0 else None,
             )
         on_limit = reached.get(result.question.robot.inputs[k])
+        tint = {"slack": style.SLACK, None: None}.get(on_limit, style.MISS)
         if len(u) > 1:
             ax.barh(
                 row,
@@ -110,7 +114,7 @@ def _bars(ax, result, u, unit, chosen):
             )
         else:
             ax.barh(row, now, height=0.4, color=style.BAR)
-        ax.plot([now], [row], "o", ms=4.5, color=style.MISS if on_limit else style.BAR, zorder=5)
+        ax.plot([now], [row], "o", ms=4.5, color=tint or style.BAR, zorder=5)
         for end in ends:
             if end is not None:
                 ax.plot([end, end], [row - 0.36, row + 0.36], color=style.LIMIT, lw=1.6, zorder=4)
@@ -122,7 +126,7 @@ def _bars(ax, result, u, unit, chosen):
             textcoords="offset points",
             va="center",
             fontsize=7.5,
-            color=style.MISS if on_limit else style.INK,
+            color=tint or style.INK,
         )
     ax.plot([], [], color=style.LIMIT, lw=1.6, label="limit")
     ax.plot([], [], "o", ms=4.5, color=style.BAR, label="last waypoint" if len(u) > 1 else "value")
@@ -135,128 +139,6 @@ def _bars(ax, result, u, unit, chosen):
     ax.set_xlim(left - (0.16 if left < 0 else 0.015) * (right - left), right + 0.22 * (right - left))
     ax.tick_params(axis="y", length=0)
 
-
-QUANTITY = {"Pa": "pressure", "N": "force", "N m": "torque", "m": "length", "rad": "angle"}
-
-
-def path_figure(result):
-    """The tip's track on the waypoints, its miss, and the inputs along the way; None without a path."""
-    target = result.arrays.get("path.target")
-    if target is None or not len(result.arrays.get("path.tip", ())):
-        return None
-    u, robot = _inputs(result), result.question.robot
-    units = list(dict.fromkeys(robot.input_units)) if u is not None else []
-    misses = np.asarray(result.arrays["path.miss"])
-    shows = bool(np.any(misses >= NOISE))
-    figure = style.new_figure(9.2 if units or shows else 5.0, 4.6)
-    heights = [2] * len(units) + [1] * shows
-    grid = figure.add_gridspec(max(1, len(heights)), 2 if heights else 1,
-                               width_ratios=[1, 1.15] if heights else None, height_ratios=heights or None)  # fmt: skip
-    _track(figure, grid[:, 0], np.asarray(target), result.arrays["path.tip"], _followed(result))
-    shared = None
-    for row, unit in enumerate(units):
-        shared = figure.add_subplot(grid[row, 1], sharex=shared)
-        _input_curves(shared, result, u, unit)
-    if shows:
-        shared = figure.add_subplot(grid[-1, 1], sharex=shared)
-        _misses(shared, misses)
-    if shared is not None:
-        shared.tick_params(labelbottom=True)
-        shared.set_xlabel("waypoint")
-        shared.set_xlim(0.5, len(target) + 0.5)
-        shared.xaxis.get_major_locator().set_params(integer=True)
-    small = "" if shows or not len(misses) else ", all misses below 1 nm"
-    figure.suptitle(
-        f"{result.name}: {len(result.arrays['path.tip'])} of {len(target)} waypoints solved{small}",
-        x=0.01,
-        ha="left",
-        fontsize=10,
-    )
-    return figure
-
-
-def _followed(result):
-    """What follows the path: the name of the goal's segment, and where on it unless at its end."""
-    asked = (getattr(result.question, "goals", None) or {}).values()
-    goal = next((g for g in asked if isinstance(g, goals.Path)), None)
-    if goal is None:
-        return "tip"
-    return f"end of {goal.on}" if goal.at == 1 else f"{goal.on} at {goal.at:g}"
-
-
-def _track(figure, place, target, tip, name_of_tip):
-    one, name = readable("m", float(np.max(np.ptp(target, axis=0))))
-    flat = _plane(target)
-    if flat is None:
-        ax = figure.add_subplot(place, projection="3d", label="track")
-        goal, track, labels = target, tip, ("x", "y", "z")
-    else:
-        ax = figure.add_subplot(place, label="track")
-        centre, across, labels = flat
-        goal, track = (target - centre) @ across, (tip - centre) @ across
-    ax.plot(*(goal / one).T, "-", color=style.GOAL, lw=1.0, zorder=2)
-    ax.plot(*(goal / one).T, "o", color=style.GOAL, mfc="none", ms=6, mew=1.1, label="waypoints", zorder=3)
-    ax.plot(*(track / one).T, ".", color=style.INK, ms=4.5, label=name_of_tip, zorder=4)
-    if len(track) < len(goal):
-        ax.plot(
-            *(goal[len(track)] / one)[:, None],
-            "X",
-            color=style.MISS,
-            ms=8,
-            label="first out of reach",
-            zorder=5,
-        )
-    for axis, label in zip("xyz", labels, strict=False):
-        getattr(ax, f"set_{axis}label")(f"{label} [{name}]")
-    ax.set_aspect("equal", adjustable="datalim" if flat is not None else None)
-    ax.grid(color="#e6e9ed", lw=0.5)
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3)
-
-
-def _plane(points):
-    """(origin [3], directions [3 x 2], labels) of the plane that holds all points; None if there is none."""
-    centre = points.mean(0)
-    _, sizes, rows = np.linalg.svd(points - centre)
-    if len(sizes) > 2 and sizes[2] > 1e-6 * sizes[0]:
-        return None
-    k = int(np.argmax(np.abs(rows[2])))
-    if abs(rows[2][k]) > 1 - 1e-9:
-        i, j = [a for a in range(3) if a != k]
-        return np.zeros(3), np.eye(3)[:, [i, j]], ("xyz"[i], "xyz"[j])
-    return centre, rows[:2].T, ("along the path's plane", "across, in the plane")
-
-
-def _input_curves(ax, result, u, unit):
-    robot, (lower, upper) = result.question.robot, result.question.input_limits()
-    chosen = [k for k in range(robot.m) if robot.input_units[k] == unit]
-    ends = {x for k in chosen for x in (lower[k], upper[k]) if np.isfinite(x)}
-    one, name = readable(unit, *u[:, chosen].ravel(), *ends)
-    for n, k in enumerate(chosen):
-        colour, dash = style.series(n)
-        ax.plot(np.arange(1, len(u) + 1), u[:, k] / one, dash, color=colour, lw=1.3, label=robot.inputs[k])
-    for n, end in enumerate(sorted(ends)):
-        ax.axhline(end / one, color=style.LIMIT, lw=0.9, ls=(0, (5, 3)), label="limit" if n == 0 else None)
-    ax.set_ylabel(f"{QUANTITY.get(unit, 'input')} [{name}]")
-    ax.tick_params(labelbottom=False)
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 if len(chosen) < 10 else 2)
-
-
-def _misses(ax, misses):
-    """Misses on a log scale; those below NOISE are left out and said to be."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
-    seen = misses >= NOISE
-    drawn = np.where(seen, misses * 1e6, np.nan)
-    ax.semilogy(np.arange(1, len(misses) + 1), drawn, ".-", color=style.INK, lw=0.8, ms=4)
-    if not np.all(seen):
-        ax.set_title("not drawn: below 1 nm", fontsize=7.5, loc="right", pad=2)
-    shown = misses[seen] * 1e6
-    middle = np.sqrt(shown.min() * shown.max())
-    ax.set_ylim(min(shown.min() / 3, middle / 30), max(shown.max() * 3, middle * 30))
-    ax.yaxis.set_major_locator(LogLocator(numticks=4))
-    ax.yaxis.set_minor_locator(NullLocator())
-    ax.set_ylabel("miss [um]")
-    ax.grid(color="#e6e9ed", lw=0.5)
 
 
 def strains_figure(result):
@@ -283,7 +165,7 @@ def strains_figure(result):
     where = " at the last waypoint" if "path.q" in result.arrays else ""
     still = [label for label, none in zip(LABELS, zero, strict=True) if none]
     still = f"\nzero everywhere: {', '.join(still)}" if still else ""
-    figure.suptitle(f"{result.name}: strains{where}{still}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: strains{where}{still}")
     return figure
 
 
@@ -342,6 +224,7 @@ FIGURES = {
     "inputs": inputs_figure,
     "path": path_figure,
     "strains": strains_figure,
+    "cables": cables_figure,
     "fit": fit_figure,
     "shapes": shapes_figure,
     "coordinates": coordinates_figure,
@@ -352,4 +235,15 @@ PLAN_FIGURES = {
     "strips": strips_figure,
     "path": plan_path_figure,
     "coordinates": lambda result: coordinates_figure(result) if leaves_out(result) else None,
+}
+TENSION_FIGURES = {
+    "path": {
+        "robot": robot_figure,
+        "path": lambda result: path_figure(result, inputs=False),
+        "strips": tension_strips_figure,
+        "strains": strains_figure,
+        "cables": cables_figure,
+    },
+    "motion": {"shapes": motion_figure, "strips": tension_strips_figure, "path": tracked_figure,
+               "coordinates": coordinates_figure},
 }

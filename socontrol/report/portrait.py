@@ -7,11 +7,11 @@ from socontrol.model.rods import Rod
 from socontrol.programs.goals import AxisDirection, Path, Point, Pose, Shape
 from socontrol.report import shapes, style
 from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project
+from socontrol.report.tension_cables import add_lines
 from socontrol.report.units import miss, number, with_unit
 
 POSES = 7  # of a robot on a path
 SPREAD = 7  # arrows of a distributed load
-DRAWN = 260  # points, about the size of the drawing in space
 
 
 def robot_figure(result):
@@ -23,9 +23,9 @@ def robot_figure(result):
     scene = Scene(up=_up(question.robot))
     _add_before(scene, result, posed)
     add_robot(scene, posed, style.SOFT, 2)
-    scale = _add_inputs(scene, result, posed)
+    scale, slack_ones = add_lines(scene, result, posed, _size(scene))
     size = _size(scene)
-    legend = _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
+    legend = slack_ones + _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
     for name in shapes.ends(question.robot):
         scene.triad(posed.place(name), 0.11 * size)
     scene.settle_unit()
@@ -85,23 +85,6 @@ def _add_before(scene, result, posed):
     add_robot(scene, shapes.Posed(robot, q), style.GHOST, 1, pale=True)
 
 
-def _add_inputs(scene, result, posed):
-    """Tendons and chambers in the colour of their input; the scale, or None without any."""
-    robot, u = result.question.robot, result.arrays["u"]
-    lines = {k: shapes.cables(posed, k) for k in range(robot.m)}
-    chosen = [k for k in lines if lines[k]]
-    if not chosen:
-        return None
-    scale = style.InputScale(result.question, u, chosen)
-    radii = [posed.end_radius(i, 0.0) for i, piece in enumerate(posed.pieces) if piece.is_rod]
-    thick = DRAWN * 2 * min(radii, default=np.inf) / _size(scene)  # points
-    for k in chosen:
-        for points, outward, chamber in lines[k]:
-            width = min(3.4, 0.1 * thick) if chamber else min(1.7, 0.07 * thick)
-            scene.stroke(points, scale.colour(k, u[k]), width=width, outward=outward, behind=style.SOFT)
-    return scale
-
-
 def _add_goals(scene, result, posed, size):
     """Goals, and a line to each from what was reached when they differ; legend entries [(handle, text)]."""
     from matplotlib.lines import Line2D
@@ -121,16 +104,15 @@ def _add_goals(scene, result, posed, size):
             continue
         symbol = Line2D([], [], color=colour, marker=marker, mfc="none", mew=1.6, ls="none")
         entries.append((symbol, f"goal {name}"))
+        missed = []
         for point, reached in _spots(scene, goal, numbers, posed, here, size, colour):
             scene.mark(point, colour, marker=marker, size=9)
             if np.linalg.norm(point - reached) > 1e-3 * size:
-                scene.stroke([reached, point], style.INK, width=1.2, style="--", layer=9)
-                entries.append(
-                    (
-                        Line2D([], [], color=style.INK, ls="--", lw=1.2),
-                        f"{name} missed by {miss(np.linalg.norm(point - reached), 'm')}",
-                    )
-                )
+                scene.stroke([reached, point], style.MISS, width=1.4, layer=9)
+                missed.append(float(np.linalg.norm(point - reached)))
+        if missed:
+            most = f"{'at most ' * (len(missed) > 1)}{miss(max(missed), 'm')}"
+            entries.append((Line2D([], [], color=style.MISS, lw=1.4), f"{name} missed by {most}"))
     return entries
 
 
@@ -243,7 +225,7 @@ def _composed(scene, result, posed, scale, legend):
     if scale is not None:
         _add_scale(left, left.add_axes([0.2, 0.1, 0.6, 0.022], label="scale"), scale)
     _add_legend(right, result, legend)
-    figure.suptitle(f"{result.name}: {_title(result)}", x=0.01, ha="left", fontsize=10)
+    style.title(figure, f"{result.name}: {_title(result)}")
     box, foot = left.bbox, 0.17 if scale is not None else 0.02
     fit(figure, space, (0.02 * box.width, foot * box.height, 0.96 * box.width, (0.93 - foot) * box.height))
     return figure
@@ -285,7 +267,8 @@ def _add_scale(figure, ax, scale):
     from matplotlib.cm import ScalarMappable
 
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.cmap), cax=ax, orientation="horizontal")
-    bar.set_label(f"input [{scale.name}]" if scale.unit else f"input, {scale.name}")
+    limits = f" (limits up to {number(scale.largest)} {scale.name})" if scale.cut else ""
+    bar.set_label(f"{scale.kind} [{scale.name}]{limits}" if scale.unit else f"{scale.kind}, {scale.name}")
     bar.outline.set_linewidth(0.4)
 
 

@@ -7,13 +7,16 @@ from rich.text import Text
 from socontrol.report.columns import columns, line, say
 from socontrol.report.units import miss, number, quiet, readable
 
-TITLES = {"statics": "statics", "inverse_statics": "inverse statics", "fit": "fit to measurements"}
+TITLES = {"inverse_statics": "inverse statics", "fit": "fit to measurements"}
+WHOLE = ("together", "with more time")  # starts of attempts at all waypoints of a path
+KINDS = {"posture": "tensions of a posture", "path": "tensions along a path", "motion": "tensions of a motion"}
+
 
 def headline(result, console, facts=None):
     """The status sentence, and under it what was asked and what it took (`facts` [text])."""
     tone = "bold green" if result.status.solved else "bold red"
     message = result.status.message
-    if result.details.get("unreachable"):
+    if result.details.get("unreachable") and not names_cables(result):
         message = message.partition(". ")[0].rstrip(".") + "."  # the table below says the rest
     for k, part in enumerate(textwrap.wrap(f"{result.name}: {message}", console.width, break_long_words=False)):
         text = Text(part, style=tone)
@@ -24,9 +27,14 @@ def headline(result, console, facts=None):
     line(console, "")
 
 
+def names_cables(result):
+    """Whether a limit that keeps a goal out of reach is that of a cable: the message says what the cable would need."""
+    return any(row.get("pulls") for row in result.details.get("unreachable") or ())
+
+
 def _facts(result):
     count, seconds = result.solver.get("iterations"), result.solver.get("seconds")
-    facts = [TITLES.get(result.type, result.type)]
+    facts = [KINDS.get(result.details.get("kind"), TITLES.get(result.type, result.type))]
     facts += [counted(count, "iteration")] if count is not None else []
     return facts + ([duration(seconds)] if seconds is not None else [])
 
@@ -83,14 +91,25 @@ def attempts(result, console, verbose):
     made = result.details.get("attempts", ())
     if len(made) < 2:
         return
-    solved = sum(_field(a, "outcome") == "solved" for a in made)
-    last = "" if "path.q" in result.arrays else f"; the last: {_field(made[-1], 'start')}"
-    say(console, "attempts", f"{len(made)}, of which {solved} solved their step{last}")
+    say(console, "attempts", _told(result, made))
     if verbose:
         rows = [[_field(a, "start"), _field(a, "outcome"), str(_field(a, "iterations")), duration(_field(a, "seconds"))]
                 for a in made]  # fmt: skip
         line(console, "")
         columns(console, ["attempt", "outcome", "iterations>", "time>"], rows)
+
+
+def _told(result, made):
+    """Attempts in one sentence; those at all waypoints together are told apart from their guesses."""
+    whole = [a for a in made if _field(a, "start") in WHOLE] if "path.q" in result.arrays else []
+    if whole and _solved(whole):
+        return f"{len(whole)} at all waypoints together, guessed from {len(made) - len(whole)} waypoint by waypoint"
+    last = "" if "path.q" in result.arrays else f"; the last: {_field(made[-1], 'start')}"
+    return f"{len(made)}, of which {_solved(made)} solved their step{last}"
+
+
+def _solved(made):
+    return sum(_field(a, "outcome") == "solved" for a in made)
 
 
 def _field(attempt, key):

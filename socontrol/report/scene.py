@@ -27,6 +27,7 @@ class Stroke:
     outward: np.ndarray | None = None
     behind: str = "#ffffff"
     layer: int = 5
+    rim: float = 0.9  # points by which a near run's dark edge is wider
 
     def parts(self, toward):
         """(points, colour, width, layer) to draw: far runs pale, near runs with a dark edge."""
@@ -41,7 +42,7 @@ class Stroke:
         for a, b in zip(turns, turns[1:], strict=False):
             run, near = self.points[a : b + 1], facing[min(a + 1, len(facing) - 1)]
             if near:
-                drawn.append((run, "#333333", self.width + 0.9, self.layer + 1))
+                drawn.append((run, "#333333", self.width + self.rim, self.layer + 1))
             drawn.append((run, self.colour if near else pale, self.width, self.layer + 2 * near))
         return drawn
 

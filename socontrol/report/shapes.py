@@ -10,12 +10,13 @@ from math import pi
 import casadi as ca
 import numpy as np
 
-from socontrol.mechanics.lines import Chord, RodLine
+from socontrol.mechanics.lines import Chord, RodLine, Run
 from socontrol.model.rods import Rod
 from socontrol.model.sections import section_at
 
 STATIONS = 36  # along a rod
 CORNERS = 28  # of a round outline
+WINDING = 0.2  # rad about the axis from point to point of a line that is drawn
 SLIM = 0.018  # radius of a bar that stands for a rigid link, over the robot's length
 
 
@@ -214,13 +215,8 @@ def cables(posed, index):
     for share in posed.robot.lines[index]:
         if isinstance(share, RodLine):
             points, outward = _along(posed, share)
-        elif isinstance(share, Chord):
-            points = np.array(
-                [
-                    (posed.bases[share.piece] @ [*matrix(share.start).ravel(), 1.0])[:3],
-                    (posed.pose(share.piece) @ [*matrix(share.stop).ravel(), 1.0])[:3],
-                ]
-            )
+        elif isinstance(share, (Chord, Run)):
+            points = _straight(posed, share)
             outward = np.zeros_like(points)
         else:
             continue
@@ -233,10 +229,19 @@ def cables(posed, index):
     return runs
 
 
+def _straight(posed, share):
+    """Both ends [2 x 3] of a straight run."""
+    base, moved = posed.bases[share.piece], posed.pose(share.piece)
+    frames = (base, moved) if isinstance(share, Chord) else (moved if share.moved else base,) * 2
+    holes = (matrix(share.start).ravel(), matrix(share.stop).ravel())
+    return np.array([g[:3, :3] @ p + g[:3, 3] for g, p in zip(frames, holes, strict=True)])
+
+
 def _along(posed, share):
-    x = np.linspace(*share.part, 13)
-    first, last = (matrix(d).ravel() for d in share.ends)
-    offsets = (1 - x)[:, None] * first + x[:, None] * last
+    """Points [k x 3] of a line through a section, close enough for its own turns, and how far off the axis they lie."""
+    turns = abs(float(getattr(share.route.route.kind, "turns", 0.0)) * (share.route.last - share.route.first))
+    x = np.linspace(*share.part, 1 + max(12, int(2 * pi * turns / WINDING)))
+    offsets = np.array([matrix(share.route.at(float(k))).ravel() for k in x])
     frames = np.array([posed.pose(share.piece, float(k)) for k in x])
     outward = np.einsum("kij,kj->ki", frames[:, :3, :3], offsets)
     return frames[:, :3, 3] + outward, outward

@@ -1,5 +1,7 @@
 """One look for all figures: fonts, colours that every kind of colour vision tells apart."""
 
+import textwrap
+
 import numpy as np
 
 from socontrol.report.units import readable
@@ -12,6 +14,9 @@ LOADS = ("#111111", "#4F6D8F", "#6B4A2B")
 # Okabe and Ito's, then two more
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31", "#555555")
 DASHES = ("-", "--", "-.", ":")
+LITTLE = 0.5  # of the limit: tensions below are coloured by their own range
+SLACK = "#7f8790"
+LETTERS = 13  # an inch of a title
 STYLE = {
     "font.size": 8.5,
     "axes.titlesize": 9,
@@ -45,6 +50,13 @@ def new_figure(width, height):
     return figure
 
 
+def title(figure, text):
+    """A title at the left of a Figure, its lines broken where the figure ends."""
+    most = int(figure.get_figwidth() * LETTERS)
+    lines = [part for line in text.split("\n") for part in textwrap.wrap(line, most, break_long_words=False)]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=10)
+
+
 def ramp():
     """Colours from idle (pale) to the limit (dark red)."""
     from matplotlib import colormaps
@@ -54,9 +66,12 @@ def ramp():
 
 
 class InputScale:
-    """The colour of each input: by value when all of `chosen` share a unit, else by share of the limits."""
+    """The colour of each input: by value when all of `chosen` share a unit, else by share of the limits.
 
-    def __init__(self, question, u, chosen):
+    cables: all are tensions; where these stay far below their limits, the colours end at the largest one.
+    """
+
+    def __init__(self, question, u, chosen, cables=False):
         from matplotlib.colors import Normalize
 
         robot = question.robot
@@ -66,10 +81,14 @@ class InputScale:
         self.bounds = [self._ends(lower[k], upper[k], values[:, k]) for k in range(robot.m)]
         low = min((self.bounds[k][0] for k in chosen), default=0.0)
         high = max((self.bounds[k][1] for k in chosen), default=1.0)
+        largest = max((float(np.max(np.abs(values[:, k]))) for k in chosen), default=0.0)
+        self.kind, self.cut = ("tension" if cables else "input"), cables and 0 < largest < LITTLE * high
+        limit = high
+        low, high = (0.0, largest) if self.cut else (low, high)
         self.unit = units.pop() if len(units) == 1 else None
-        self.one, self.name = readable(self.unit, low, high) if self.unit else (0.01, "% of the range")
+        self.one, self.name = readable(self.unit, low, limit) if self.unit else (0.01, "% of the range")
         self.norm = Normalize(low / self.one, high / self.one) if self.unit else Normalize(0, 100)
-        self.cmap, self.limits = ramp(), limits
+        self.largest, self.cmap, self.limits = limit / self.one, ramp(), limits
 
     @staticmethod
     def _ends(lower, upper, values):

@@ -3,12 +3,15 @@
 import numpy as np
 from rich.text import Text
 
-from socontrol.report import fits, motion_text, plan_text
+from socontrol.report import fits, motion_text, plan_text, tension_motion_text, tension_text
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import input_values, inputs_table
-from socontrol.report.said import attempts, discretisation, headline, in_units, segments_of, tips_of
+from socontrol.report.said import attempts, discretisation, headline, in_units, names_cables, segments_of, tips_of
+from socontrol.report.tension_course import kind_of, lines
+from socontrol.report.tension_table import cables, slack_names, tells, tight_limits
 from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
 
+TOGETHER = "Together they would do: "  # of a message about what is out of reach
 MOVING = {"simulation": motion_text.render, "trajectory": plan_text.render}
 
 
@@ -16,6 +19,9 @@ def render(result, console, verbose=0):
     """Print a result; `verbose` 1 adds lengths, energies, all frames and attempts, 2 the coordinates."""
     if result.type in MOVING:
         MOVING[result.type](result, console, verbose)
+        return
+    if kind_of(result) == "motion":
+        tension_motion_text.render(result, console, verbose)
         return
     headline(result, console)
     if result.details.get("fits"):
@@ -29,7 +35,9 @@ def render(result, console, verbose=0):
     on_path = "path.q" in result.arrays
     if on_path:
         _path(result, console)
-    inputs_table(result, console, on_path)
+    inputs_table(result, console, on_path, () if on_path else slack_names(result))
+    told = set() if on_path else cables(result, console)
+    (tension_text.of_path if on_path else tension_text.compliance)(result, console)
     _frames(result, console, verbose, on_path)
     _joints(result, console)
     _goals(result, console, on_path)
@@ -37,7 +45,7 @@ def render(result, console, verbose=0):
     _prescribed(result, console)
     _sensitivities(result, console)
     if verbose:
-        _more(result, console, verbose)
+        _more(result, console, verbose, told)
 
 
 def _frames(result, console, verbose, on_path):
@@ -58,13 +66,9 @@ def _frames(result, console, verbose, on_path):
         )
     if on_path:
         whole = result.details.get("waypoints_solved") == result.details.get("waypoints")
-        line(
-            console,
-            Text(
-                "at the last waypoint" if whole else "nearest posture to the first waypoint out of reach",
-                style="dim",
-            ),
-        )
+        reached = "at the last waypoint solved" if result.details.get("too_fast") else "at the last waypoint"
+        missed = "nearest posture to the first waypoint out of reach"
+        line(console, Text(reached if whole or result.details.get("too_fast") else missed, style="dim"))
     columns(console, ["end of", *(f"{a} [{unit}]>" for a in "xyz"), "rotation vector [deg]"], rows)
 
 
@@ -84,8 +88,11 @@ def _goals(result, console, on_path):
     for key, value in result.residuals.items():
         if key.startswith("goals."):
             found.setdefault(key.split(".")[1], []).append(miss(value.value, value.unit))
+    asked = getattr(result.question, "goals", None) or {}
     for name, parts in found.items():
-        say(console, "goal", f"{name}: miss {' and '.join(parts)}")
+        weighted = getattr(asked.get(name), "weight", None) is not None
+        label = f"{name} (weighted): left" if weighted else f"{name}: miss"
+        say(console, "goal", f"{label} {' and '.join(parts)}")
 
 
 def _trust(result, console, verbose):
@@ -101,19 +108,28 @@ def _trust(result, console, verbose):
         )
     if "stability" in details:
         say(console, "stability", details["stability"], "" if details.get("stable", True) else "bold yellow")
-    if details.get("limits") and not details.get("unreachable"):
-        past = [limit for limit in details["limits"] if limit.get("beyond", 0) > 0]
-        for label, rows in (("at limit", [x for x in details["limits"] if x not in past]), ("beyond limit", past)):
-            if rows:
-                style = "bold yellow" if label == "beyond limit" else ""
-                say(console, label, "; ".join(_limit(result, row) for row in rows), style)
-    elif details.get("limits") == []:
-        say(console, "at limit", "none")
+    if "limits" in details and not (tells(result) and "path.q" in result.arrays):
+        _limits(result, console)
     if "discretisation" in details:
         discretisation(result, console, "equilibrium")
     attempts(result, console, verbose)
     if any(label in details for label in ("stability", "limits", "discretisation")) or "force" in residuals:
         line(console, "")
+
+
+def _limits(result, console):
+    """What stands on a limit or past one; of what is out of reach, the message or a table says it."""
+    limits = tight_limits(result)
+    if result.details.get("unreachable"):
+        return
+    if limits:
+        past = [limit for limit in limits if limit.get("beyond", 0) > 0]
+        for label, rows in (("at limit", [x for x in limits if x not in past]), ("beyond limit", past)):
+            if rows:
+                style = "bold yellow" if label == "beyond limit" else ""
+                say(console, label, "; ".join(_limit(result, row) for row in rows), style)
+    else:
+        say(console, "at limit", "none")
 
 
 def _limit(result, limit):
@@ -130,9 +146,9 @@ def _unit_of(result, limit):
 
 
 def _unreachable(result, console):
-    """What each limit the nearest posture stands on would have to be alone."""
+    """What each limit the nearest posture stands on would have to be alone; the headline says it where cables are."""
     rows = result.details.get("unreachable")
-    if rows:
+    if rows and not names_cables(result):
         columns(
             console,
             ["active limit", "side", "stands at>", "alone it would have to be"],
@@ -146,6 +162,10 @@ def _unreachable(result, console):
                 for row in rows
             ],
         )
+        more = result.status.message.partition(TOGETHER)[2]
+        if more:
+            say(console, "together", more.removesuffix("."))
+            line(console, "")
 
 
 def _path(result, console):
@@ -201,8 +221,9 @@ def _components(result, parameter, count):
     return ["xyz"[i] for i in rows] if len(rows) == count else [str(i + 1) for i in range(count)]
 
 
-def _more(result, console, verbose):
+def _more(result, console, verbose, told):
     lengths = {k.removeprefix("lengths."): v for k, v in result.values.items() if k.startswith("lengths.")}
+    lengths = {name: v for name, v in lengths.items() if name not in told and _has_length(result, name)}
     if lengths:
         shown, counts = in_units(lengths, 6), _line_counts(result)
         rows = [
@@ -223,6 +244,14 @@ def _more(result, console, verbose):
         ]
         if rows:
             columns(console, ["coordinate", "value>", "unit"], rows)
+
+
+def _has_length(result, name):
+    """Whether an input is a line or a joint; what an internal moment turns is no length."""
+    if result.question is None or name not in result.question.robot.inputs:
+        return True
+    actuator = result.question.robot.input_actuators[result.question.robot.inputs.index(name)]
+    return hasattr(actuator, "joint") or result.question.robot.inputs.index(name) in lines(result.question.robot)
 
 
 def _quiet_by(robot, result):

@@ -9,6 +9,7 @@ READABLE = {  # SI unit: (largest value shown in it, value of one in SI, name), 
     "N": ((0.5, 1e-3, "mN"), (None, 1.0, "N")),
     "N m": ((0.5, 1e-3, "mN m"), (None, 1.0, "N m")),
     "J": ((0.5, 1e-3, "mJ"), (None, 1.0, "J")),
+    "m^3": ((None, 1e-6, "cm^3"),),
     "1": ((None, 1.0, ""),),
 }
 SMALL = {  # SI unit of a miss: (value of one in SI, name), from large to small
@@ -17,6 +18,7 @@ SMALL = {  # SI unit of a miss: (value of one in SI, name), from large to small
     "J": ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ"), (1e-9, "nJ"), (1e-12, "pJ"), (1e-15, "fJ")),
     "1": ((1.0, ""),),
 }
+QUANTITY = {"Pa": "pressure", "N": "force", "N m": "torque", "m": "length", "rad": "angle"}
 
 
 def readable(unit, *values):
@@ -36,6 +38,11 @@ def number(x, digits=4):
     """`x` with `digits` significant digits and no needless zeros; 0 for what only rounding leaves."""
     text = f"{x:.{digits}g}"
     return "0" if float(text) == 0 else text
+
+
+def percent(share):
+    """`0.52 %`, `31 %`."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{number(100 * share, 2)} %"
 
 
 def quiet(values, noise=1e-9):

@@ -81,6 +81,9 @@ PICTURES = {  # problem file: those of its figures to keep
     "octopus_arm_release": ("shapes",),
     "stiff_flop_sweep": ("path",),
     "octopus_three_motors": ("histories",),
+    "octopus_brace": ("robot",),
+    "octopus_figure_eight": ("robot", "strips"),
+    "tip_tracking": ("strips", "path"),
 }
 
 
