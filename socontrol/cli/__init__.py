@@ -45,6 +45,7 @@ class Family(StrEnum):
     loads = "loads"
     actuators = "actuators"
     routes = "routes"
+    loops = "loops"
     goals = "goals"
     costs = "costs"
     plan_costs = "plan_costs"

@@ -9,6 +9,7 @@ from socontrol.cli.console import console
 from socontrol.lie.screws import screw_system
 from socontrol.mechanics.actuators import ACTUATORS
 from socontrol.mechanics.loads import LOADS
+from socontrol.mechanics.loops import LOOPS
 from socontrol.mechanics.routes import ROUTES
 from socontrol.model.bases import STRAIN_SETS, XI_BAR, selection
 from socontrol.model.joints import JOINTS
@@ -30,6 +31,7 @@ FAMILIES = {  # family: (table, where it stands in a file)
     "actuators": (ACTUATORS, "robot: actuators.NAME.type"),
     "routes": (ROUTES, "robot: actuators.NAME.offset.type of a tendon or chamber"),
     "loads": (LOADS, "robot or problem: loads.NAME.type"),
+    "loops": (LOOPS, "robot: loops.NAME.type"),
     "goals": (GOALS, "problem: goals.NAME.type"),
     "costs": (COSTS, "problem: costs.NAME.type"),
     "plan_costs": (PLAN_COSTS, "trajectory: costs.NAME.type"),

@@ -23,6 +23,7 @@ class Kind:
     results: dict
     place: bool = False  # whether it is a function of a place on the robot
     inputs: bool = False  # whether it means nothing without inputs
+    loops: bool = False  # whether it means nothing without loops
 
 
 FORCE, SQUARE = "J per unit of the coordinate", "J per unit of both coordinates"
@@ -43,7 +44,15 @@ KINDS = {
     "inverse_dynamics": Kind(
         "Forces [n] that motion takes: M qdd + C qd + elastic + D qd - external.", {"tau": FORCE}
     ),
-    "forward_dynamics": Kind("Accelerations [n] under inputs.", {"qdd": "unit of the coordinate per s^2"}),
+    "forward_dynamics": Kind(
+        "Accelerations [n] under inputs, loops kept closed.", {"qdd": "unit of the coordinate per s^2"}
+    ),
+    "loop_error": Kind("Error [k] of all loops in file order, zero when closed.", {"e": "rad; m"}, loops=True),
+    "loop_jacobian": Kind(
+        "A [k x n] of the loops: A qd = 0 is what they leave.", {"A": "rad; m, per unit of the coordinate"}, loops=True
+    ),
+    "loop_bias": Kind("A' qd [k]: A qdd + A' qd = 0 keeps loops closed.", {"bias": "rad/s^2; m/s^2"}, loops=True),
+    "loop_force": Kind("Multipliers [k] of the loops in motion, the least.", {"lam": "N m; N"}, loops=True),
     "floating_inverse_dynamics": Kind(
         "Accelerations of the free base's coordinates [6] and forces of all others [n - 6], no wrench on the base.",
         {"qdd_base": "rad/s^2, then m/s^2", "forces": FORCE},
@@ -153,6 +162,8 @@ def _function(robot, functions, wish):
     """The casadi Function; ValueError where the robot has none."""
     if KINDS[wish.kind].inputs and not robot.m:
         raise ValueError("the robot has no inputs")
+    if KINDS[wish.kind].loops and not robot.loops:
+        raise ValueError("the robot has no loops")
     made = getattr(functions, wish.kind)
     return (made(wish.segment, wish.X) if wish.segment is not None else made).function
 

@@ -14,6 +14,7 @@ import numpy as np
 from socontrol.codegen import solver_checks
 from socontrol.codegen.ctext import comment, literal, vector
 from socontrol.codegen.identifiers import distinct, identifier
+from socontrol.programs.ellipsoids import Ellipsoids
 from socontrol.programs.inverse_statics import InverseStatics
 from socontrol.programs.questions import QUESTIONS
 from socontrol.programs.reduced import Reduced
@@ -51,8 +52,8 @@ COUNTS = {"SQP_HALVINGS": (14, "of a step"), "SQP_RESTARTS": (3, "of the Hessian
 
 def part(question):
     """SolverPart of a question; raises Bad for a question of another type or one that cannot be exported."""
-    if not isinstance(question, Statics | InverseStatics):
-        kind = next(name for name, cls in QUESTIONS.items() if isinstance(question, cls))
+    if not isinstance(question, Statics | InverseStatics) or isinstance(question, Ellipsoids):
+        kind = next(name for name, cls in QUESTIONS.items() if type(question) is cls)
         sentence = "has no solver in C; statics, inverse_statics and tensions have; a robot file gives plain functions"
         raise Bad("type", f"'{kind}' {sentence}")
     _refuse_beyond_postures(question)

@@ -6,9 +6,10 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import screws, stumpff
-from socontrol.mechanics import articulated, composite, floating, friction, internal, newton_euler
+from socontrol.mechanics import articulated, closed, composite, floating, friction, internal, newton_euler
 from socontrol.mechanics.actuators import Tendon
 from socontrol.mechanics.kinematics import Kinematics
+from socontrol.mechanics.loops import Loops
 from socontrol.mechanics.statics import Statics
 
 
@@ -86,6 +87,7 @@ class Functions:
         self._u = ca.SX.sym("u", robot.m)
         self._qdd = ca.SX.sym("qdd", robot.n)
         self._qdd_joints = ca.SX.sym("qdd_joints", max(0, robot.n - 6))
+        self._lam = ca.SX.sym("lam", sum(len(loop.units) for loop in robot.loops.values()))
         pieces = ca.vertsplit(self._p, np.cumsum([0, *(v.size for v in values.values())]).tolist()) if values else []
         self.robot = robot.with_values(
             {path: _like(robot.value(path), symbol) for path, symbol in zip(values, pieces, strict=True)}
@@ -95,7 +97,8 @@ class Functions:
     def _function(self, name, arguments, expression, outputs=None, place=None):
         key = name, place  # names of two places can agree: they hold six digits of X and plain letters
         if key not in self._made:
-            symbols = {"q": self._q, "qd": self._qd, "u": self._u, "qdd": self._qdd, "p": self._p}
+            symbols = {"q": self._q, "qd": self._qd, "u": self._u, "qdd": self._qdd, "p": self._p,
+                       "lam": self._lam}  # fmt: skip
             symbols["qdd_joints"] = self._qdd_joints
             names = [*arguments, "p"] if self.parameters else list(arguments)
             results = expression()
@@ -220,12 +223,62 @@ class Functions:
 
     @property
     def forward_dynamics(self):
-        """qdd [n] by articulated bodies (q, qd, u)."""
+        """qdd [n] by articulated bodies; loops stay closed, by least multipliers (q, qd, u)."""
+        if self.robot.loops:
+            return self._function("forward_dynamics", ("q", "qd", "u"), lambda: self._closed[0])
 
         def answer(robot, q, qd, u, still, gravity):
             return articulated.accelerations(robot, q, qd, self._driving(q, qd, u) - still(q, qd), gravity)
 
         return self._moving("forward_dynamics", ("q", "qd", "u"), answer)
+
+    @cached_property
+    def _loops(self):
+        return Loops(self.robot.loops, self._kin)
+
+    @cached_property
+    def _closed(self):
+        """qdd [n] and multipliers [k] of motion with closed loops."""
+        gravity = self.robot.description.gravity if self.robot.water is None else None
+        still = ca.DM.zeros(self.robot.n)
+        missing = newton_euler.inertial_force(self.robot, self._q, self._qd, still, gravity=gravity)
+        force = self._driven.actuation() @ self._u - missing - self._unmoved(gravity)
+        rows = self._loops.jacobian(), self._turned_rows(), self._loops.units
+        return closed.accelerations(self.robot, self._kin, force, *rows)
+
+    def _turned_rows(self):
+        return ca.jtimes(self._loops.jacobian() @ self._qd, self._q, self._qd)
+
+    @property
+    def loop_error(self):
+        """e [k] of all loops in file order, zero when they are closed; m and rad (q)."""
+        return self._function("loop_error", "q", self._loops.error)
+
+    @property
+    def loop_jacobian(self):
+        """A [k x n]: A qd = 0 is what closed loops leave, and A^T lam their force (q)."""
+        return self._function("loop_jacobian", "q", self._loops.jacobian)
+
+    @property
+    def loop_bias(self):
+        """A' qd [k]: A qdd + A' qd = 0 keeps loops closed (q, qd)."""
+        return self._function("loop_bias", ("q", "qd"), self._turned_rows)
+
+    @property
+    def loop_force(self):
+        """Multipliers [k] of the loops in motion, the least where rows depend on each other; N and N m (q, qd, u)."""
+        return self._function("loop_force", ("q", "qd", "u"), lambda: self._closed[1])
+
+    @property
+    def closing(self):
+        """e [k], its derivative E [k x n], and d(E^T lam)/dq [n x n]; E is A where e = 0 (q, lam)."""
+
+        def rows():
+            e = ca.densify(ca.SX(self._loops.error()))
+            E = ca.jacobian(e, self._q)
+            return [e, E, ca.hessian(ca.dot(self._lam, e), self._q)[0]]
+
+        return self._function("closing", ("q", "lam"), rows, ["error", "slope", "turning"])
 
     def _driving(self, q, qd, u):
         """B u [n]."""

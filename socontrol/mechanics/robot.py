@@ -14,6 +14,8 @@ from socontrol.mechanics import loads as load_family
 from socontrol.mechanics.actuators import Actuator, Tendon
 from socontrol.mechanics.friction import Capstan, Friction
 from socontrol.mechanics.loads import Fluid, Load
+from socontrol.mechanics.loop_checks import refuse_alike, refuse_rigid
+from socontrol.mechanics.loops import Loop
 from socontrol.model.joints import JOINTS
 from socontrol.model.rods import Rod
 from socontrol.model.tree import build
@@ -21,7 +23,7 @@ from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record, show
 
 RESERVED = {  # the first words of names in results
     "world", "inputs", "coordinates", "lengths", "motors", "volumes", "tension_end", "energy", "stability", "holding",
-    "reaction", "short", "compliance", "rates", "length_rates", "replay",
+    "reaction", "short", "compliance", "rates", "length_rates", "replay", "ellipsoid", "loops",
 }  # fmt: skip
 SEGMENTS = {"rod": Rod, **JOINTS}
 Segment = Annotated[Any, OneOf(SEGMENTS, what="segment")]
@@ -37,6 +39,7 @@ class Description:
     gravity: Acceleration = (0.0, 0.0, -9.81)
     actuators: dict[str, Actuator] | None = None
     loads: dict[str, Load] | None = None
+    loops: dict[str, Loop] | None = None
     schema_version: Literal[1] = 1
 
     def __post_init__(self):
@@ -51,7 +54,8 @@ class Description:
 
     def families(self):
         """The named mappings a value's path may start in."""
-        return {"segments": self.segments, "actuators": self.actuators or {}, "loads": self.loads or {}}
+        return {"segments": self.segments, "actuators": self.actuators or {}, "loads": self.loads or {},
+                "loops": self.loops or {}}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,15 @@ class Robot:
 
     def check(self):
         """Raise Bad, pointing at the key, when segments, loads and actuators do not fit together."""
+        refuse_alike(self.loops, self.tree)
+        if self.loops:
+            refuse_rigid(self.loops, self.tree, self.functions(compiled=False).closing.function)
         return self.n, self.loads, self.lines
+
+    @property
+    def loops(self):
+        """The closing joints {name: record}."""
+        return self.description.loops or {}
 
     @property
     def name(self):

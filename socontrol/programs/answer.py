@@ -7,6 +7,7 @@ import numpy as np
 
 from socontrol.lie import so3
 from socontrol.mechanics.lines import Torque
+from socontrol.mechanics.loops import slices
 from socontrol.programs import check
 from socontrol.programs.held_balance import balance_of
 from socontrol.programs.lengths import Held, Routes, length_values
@@ -14,6 +15,7 @@ from socontrol.programs.result import Value
 from socontrol.programs.stability import stability
 
 FORCE_TOLERANCE = 1e-8  # recomputed unbalanced force over the largest elastic (or external) force
+LOOP_TOLERANCE = 1e-9  # recomputed error of a loop, m or rad
 LENGTH_TOLERANCE = 1e-6  # recomputed miss of a held length over the robot's length
 SMALLEST_FORCE = 1e-4  # of what bends a section by a radian: smaller largest forces count as that, not as noise
 SMALLEST_SOUGHT = 1e-2  # the same of optimised postures, whose solver stops at a scaled residual of 1e-10
@@ -34,8 +36,8 @@ class Look:
     def _checker(self):
         return check.Checker(self.robot)
 
-    def values(self, q, u):
-        """{name: Value} of inputs, coordinates, end poses, cable lengths and energies."""
+    def values(self, q, u, lam=None):
+        """{name: Value} of inputs, coordinates, end poses, cable lengths, energies and what loops bear."""
         robot, f, values = self.robot, self.functions, {}
         for name, unit, x in zip(robot.inputs, robot.input_units, u, strict=True):
             values[f"inputs.{name}"] = Value(float(x), unit)
@@ -50,14 +52,21 @@ class Look:
         lengths = np.array(f.actuator_lengths.function(q)).ravel()
         for name, (x, unit) in length_values(robot, lengths, u, self.held).items():
             values[name] = Value(x, unit)
-        for segment, wrench in self._checker.reactions(q).items():
+        for segment, wrench in self._checker.reactions(q, lam).items():
             values[f"reaction.{segment}"] = Value(wrench.tolist(), "N m, N")
+        for name, wrench in self.loop_wrenches(lam).items():
+            values[f"loops.{name}"] = Value(wrench.tolist(), "N m, N")
         _, elastic, gravitational = np.array(f.energy.function(q, np.zeros(robot.n))).ravel()
         values["energy.elastic"] = Value(float(elastic), "J")
         values["energy.gravitational"] = Value(float(gravitational), "J")
         for name, (_, tension) in self.cables(q, u).items():
             values[f"tension_end.{name}"] = Value(float(tension[-1]), "N")
         return values
+
+    def loop_wrenches(self, lam):
+        """{loop: wrench [moment; force] on a by b, in the joint frame of b}."""
+        rows = slices(self.robot.loops).items() if lam is not None else ()
+        return {name: np.array(ca.DM(self.robot.loops[name].Phi_perp())) @ lam[own] for name, own in rows}
 
     def cables(self, q, u):
         """{name: (places s [m] along the cable from its motor, tension [N] there)} of cables with friction."""
@@ -68,19 +77,28 @@ class Look:
                 found[name] = s, u[i] * ratio
         return found
 
-    def residuals(self, q, u, free):
+    def unbalanced(self, q, u, lam=None):
+        """Residual [n] and tangent [n x n], those of the loops' multipliers counted."""
+        if lam is not None:
+            return self.balance.unbalanced(q, u, lam)
+        r, tangent, _ = self.balance.evaluate(q, u)
+        return np.array(r), np.array(tangent)
+
+    def residuals(self, q, u, free, lam=None):
         """Recomputed unbalanced force beside the largest force, on the free coordinates; scaled by sqrt(K)."""
-        r, elastic, external, actuation = self._checker(q, u)
+        r, elastic, external, actuation = self._checker(q, u, lam)
         scale = self.balance.scales.force
         parts = np.concatenate([np.abs(p / scale)[free] for p in (elastic, external, actuation)])
         least = SMALLEST_SOUGHT if self.question.optimises else SMALLEST_FORCE
         largest = max(float(np.max(parts, initial=0.0)), least)
         worst = float(np.max(np.abs(r / scale)[free], initial=0.0))
-        own = np.abs(np.array(self.balance.evaluate(q, u)[0]) / scale)[free]
+        own = np.abs(self.unbalanced(q, u, lam)[0] / scale)[free]
         found = {
             "force": Value(worst / largest, "1"),
             "solver_force": Value(float(np.max(own, initial=0.0)) / largest, "1"),
         }
+        if lam is not None:
+            found["loops"] = Value(float(np.max(np.abs(self._checker.loop_error(q)))), "m, rad")
         return {**found, "lengths": Value(self.missed(q, u), "m")} if self.held else found
 
     def missed(self, q, u):
@@ -108,9 +126,9 @@ class Look:
         loose = self.held.pulls & (np.abs(u[self.held.index]) <= size)
         return [name for name, is_loose in zip(self.held.names, loose, strict=True) if is_loose]
 
-    def stability(self, q, u, free):
-        """Stability at (q, u) on the free coordinates."""
-        _, tangent, B = (np.array(x) for x in self.balance.evaluate(q, u))
+    def stability(self, q, u, free, lam=None):
+        """Stability at (q, u) on the free coordinates; loops leave the motions that keep them closed."""
+        tangent, B = self.unbalanced(q, u, lam)[1], np.array(self.balance.evaluate(q, u)[2])
         tree = self.robot.tree
         conservative = self.balance.conservative and all(
             line.conservative or (isinstance(line, Torque) and tree.pieces[line.piece].is_screw)
@@ -118,7 +136,7 @@ class Look:
             for line in shares
             if value
         )
-        rows = None
+        rows = None if lam is None else self.balance.held(q, free)
         if self.held:
             slack, held = self.slack(u), self.held
             A = Routes(self.robot)(q)[1]

@@ -3,7 +3,7 @@
 Poses come from Rodrigues' closed form with sines and cosines; the motion of each point per coordinate from the
 integral of the adjoint along the rod, S(s) = int_0^s Ad(exp(sigma xi)) Phi dsigma, by Gauss quadrature; loads act
 on the points one by one. None of the solver's series, moments or composite tangents is used, and rods carry twice
-the Gauss points.
+the Gauss points. Loops push both their ends with the wrench of their multipliers, as loads do.
 """
 
 from functools import cached_property
@@ -13,6 +13,7 @@ import numpy as np
 
 from socontrol.mechanics import elasticity
 from socontrol.mechanics.loads import Field
+from socontrol.mechanics.loops import slices
 from socontrol.programs.check_lines import lines_of
 from socontrol.programs.check_poses import adjoints, exponentials, moved, numeric
 
@@ -38,18 +39,24 @@ class Checker:
             rows = [_Current(i, piece, water) for i, piece in enumerate(self.pieces)]
             self.loads += [row for row in rows if row.x.size]
         self.lines = lines_of(self.robot)
+        self.loops = {name: _Loop(loop, self.robot.tree) for name, loop in self.robot.loops.items()}
 
-    def __call__(self, q, u):
-        """(unbalanced, elastic, external, actuation) generalised forces [n] each."""
+    def __call__(self, q, u, lam=None):
+        """(unbalanced, elastic, external with that of loops, actuation) generalised forces [n] each."""
         q, u = np.asarray(q, dtype=float).ravel(), np.asarray(u, dtype=float).ravel()
-        look = _Look(self, q)
+        look = _Look(self, q, lam)
         elastic = np.array(self._elastic(q)).ravel()
         external, actuation = look.external(), look.actuation(u)
         return elastic - external - actuation, elastic, external, actuation
 
-    def reactions(self, q):
+    def loop_error(self, q):
+        """e [k] of all loops from poses of its own."""
+        look = _Look(self, np.asarray(q, dtype=float).ravel())
+        return np.concatenate([loop.error(look) for loop in self.loops.values()] or [np.zeros(0)])
+
+    def reactions(self, q, lam=None):
         """{segment: wrench [6] on it from what carries it, base frame} for joints and world-standing rods."""
-        look, found = _Look(self, np.asarray(q, dtype=float).ravel()), {}
+        look, found = _Look(self, np.asarray(q, dtype=float).ravel(), lam), {}
         look.external()
         for i, piece in enumerate(self.pieces):
             if piece.index == 0 and (piece.parent is None or not piece.is_rod):
@@ -122,11 +129,46 @@ class _Current:
         return np.array(rows)
 
 
-class _Look:
-    """Poses of one posture, and the forces that act there."""
+class _Loop:
+    """One loop in numbers: the places of its ends, and the wrench of its multipliers."""
 
-    def __init__(self, numbers, q):
+    def __init__(self, loop, tree):
+        self.loop, self.held = loop, numeric(loop.Phi_perp())
+        self.ends = [_End(end.locate(tree), end.placement) for end in (loop.a, loop.b)]
+
+    def error(self, look):
+        a, b = (end.pose(look) for end in self.ends)
+        turned = b[:3, :3].T
+        return numeric(self.loop.rows(ca.DM(turned @ a[:3, :3]), ca.DM(turned @ (a[:3, 3] - b[:3, 3])))).ravel()
+
+    def wrenches(self, look, lam):
+        """(piece, place, wrench [6] about the world's origin) on what a stands on, and the opposite on that of b."""
+        g, wrench = self.ends[1].pose(look), self.held @ lam
+        force = g[:3, :3] @ wrench[3:]
+        W = np.concatenate([g[:3, :3] @ wrench[:3] + np.cross(g[:3, 3], force), force])
+        rows = zip(self.ends, (W, -W), strict=True)
+        return [(end.frame.piece, end.frame.x, wrench) for end, wrench in rows if end.frame is not None]
+
+
+class _End:
+    """Frame of an end (None: the world) and the joint frame's pose there."""
+
+    def __init__(self, frame, placement):
+        self.frame, self.offset = frame, numeric(placement.pose())
+        if frame is not None:
+            self.offset = numeric(frame.offset) @ self.offset
+
+    def pose(self, look):
+        on = np.eye(4) if self.frame is None else look.poses(self.frame.piece, np.array([self.frame.x]))[0]
+        return on @ self.offset
+
+
+class _Look:
+    """Poses of one posture, and the forces that act there; lam: multipliers of loops."""
+
+    def __init__(self, numbers, q, lam=None):
         self.numbers, self.q, self.pieces, self.bases, self.strains = numbers, q, numbers.pieces, [], []
+        self.lam = lam
         for i, piece in enumerate(self.pieces):
             self.strains.append(numbers.xi_bar[i] + numbers.Phi[i] @ q[piece.columns])
             at = np.eye(4) if piece.parent is None else self.poses(piece.parent, np.array([piece.place]))[0]
@@ -148,6 +190,9 @@ class _Look:
         for load in self.numbers.loads:
             F = load.wrenches(self.poses(load.piece, load.x))
             hanging[load.piece] += list(zip(load.x, F, strict=True))
+        for name, own in slices(self.numbers.robot.loops).items() if self.lam is not None else ():
+            for piece, x, wrench in self.numbers.loops[name].wrenches(self, self.lam[own]):
+                hanging[piece].append((x, wrench))
         for i in reversed(range(len(self.pieces))):
             piece = self.pieces[i]
             if hanging[i]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from socontrol.programs.balance import LONGEST, Balance, Equilibrium
+from socontrol.programs.closed_balance import ClosedBalance
 from socontrol.programs.complementarity import least
 from socontrol.programs.lengths import Routes
 from socontrol.programs.result import Status
@@ -69,7 +70,9 @@ class HeldBalance(Balance):
 
 
 def balance_of(robot, held):
-    """A Balance, or a HeldBalance where inputs are held."""
+    """A Balance, a HeldBalance where inputs are held, or a ClosedBalance where the robot has loops."""
+    if robot.loops:
+        return ClosedBalance(robot)
     return HeldBalance(robot, held) if held else Balance(robot)
 
 

@@ -71,11 +71,15 @@ class Question:
     schema_version: Literal[1] = 1
     solvers = SOLVERS  # those that answer this type
     hessians = ("exact",)  # of Ipopt
+    knows_loops = False  # whether robots may have loops
     optimises = False  # whether strain bounds apply: forward statics goes where the loads take it
 
     def __post_init__(self):
         if not isinstance(self.robot, Robot):
             raise Bad("robot", "a path of a robot file or a mapping that describes one is wanted")
+        if self.robot.loops and not self.knows_loops:
+            kind = "".join(f"_{c.lower()}" if c.isupper() else c for c in type(self).__name__).lstrip("_")
+            raise Bad("robot", f"it has loops, which `{kind}` does not know yet")
         if (hessian := getattr(self.solver, "hessian", "exact")) not in self.hessians:
             raise Bad("solver.hessian", f"'{hessian}' is for trajectories; here it is exact, leave this key out")
         self.loaded.check()

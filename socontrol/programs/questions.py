@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from socontrol.native.compiler import CompilerWarning, watched
+from socontrol.programs.ellipsoids import Ellipsoids
 from socontrol.programs.fit import Fit
 from socontrol.programs.integrators import Cvodes
 from socontrol.programs.inverse_statics import InverseStatics
@@ -21,6 +22,7 @@ QUESTIONS = {
     "trajectory": Trajectory,
     "tensions": Tensions,
     "fit": Fit,
+    "ellipsoids": Ellipsoids,
 }
 SOLVERS = {name: solver for question in QUESTIONS.values() for name, solver in question.solvers.items()}
 Solver = Annotated[Any, OneOf(SOLVERS, what="solver")]

@@ -5,16 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from socontrol.programs.answer import FORCE_TOLERANCE, Look
+from socontrol.programs.answer import FORCE_TOLERANCE, LOOP_TOLERANCE, Look
 from socontrol.programs.held_balance import balance_of
-from socontrol.programs.lengths import LengthQuestion
+from socontrol.programs.lengths import KEYS, LengthQuestion
 from socontrol.programs.result import Result, Status, Value
-from socontrol.quantities import joined, record
+from socontrol.quantities import Bad, joined, record
 
 
 @record(kw_only=True)
 class Statics(LengthQuestion):
     """Where does the robot come to rest under these inputs, lengths and loads?"""
+
+    knows_loops = True
+
+    def read_given(self):
+        super().read_given()
+        if self.robot.loops and self.held:
+            key = next(key for key in KEYS if getattr(self, key))
+            raise Bad(key, "the robot has loops, which inputs by length do not know yet; give `inputs`")
 
     def prepare(self):
         return StaticsSolver(self)
@@ -52,6 +60,9 @@ class StaticsSolver:
             name=question.name, type="statics", status=answer.status, question=question,
             arrays={"q": answer.q, "u": u}, solver={"iterations": answer.iterations, "seconds": seconds},
         )  # fmt: skip
+        if question.robot.loops:
+            redundant = self.balance.redundant(answer.q, self.free)
+            result = replace(result, arrays={**result.arrays, "lam": answer.lam}, details={"redundant_rows": redundant})
         if not answer.status.solved:
             return result
         result = looked_at(result, self.look, self.free, self.prescribed)
@@ -78,8 +89,8 @@ class StaticsSolver:
 
 def looked_at(result, look, free, prescribed, residuals=None):
     """The result with values, residuals, stability, discretisation; rejected if the recomputed force is too large."""
-    q, u = result.arrays["q"], result.arrays["u"]
-    residuals = {**(residuals or {}), **look.residuals(q, u, free)}
+    q, u, lam = result.arrays["q"], result.arrays["u"], result.arrays.get("lam")
+    residuals = {**(residuals or {}), **look.residuals(q, u, free, lam)}
     status, collapsed = result.status, look.collapsed(q)
     judged = status.outcome in ("solved", "infeasible")  # else what stopped the solver stays the status
     if judged and not residuals["force"].value <= FORCE_TOLERANCE:
@@ -88,6 +99,8 @@ def looked_at(result, look, free, prescribed, residuals=None):
             f"The recomputed unbalanced force is {residuals['force'].value:.2g} of the largest force, above"
             f" {FORCE_TOLERANCE:g}; use more Gauss points (`quadrature`) or sections.",
         )
+    elif judged and lam is not None and not residuals["loops"].value <= LOOP_TOLERANCE:
+        status = Status("rejected", f"A recomputed loop is {residuals['loops'].value:.2g} m or rad open; give a guess.")
     elif status.solved and not look.met(residuals):
         status = Status(
             "rejected",
@@ -97,7 +110,7 @@ def looked_at(result, look, free, prescribed, residuals=None):
         status = Status(
             "rejected", f"Collapsed or over-bent: {', '.join(collapsed)}; bound the strains or use more sections."
         )
-    stable = look.stability(q, u, free)
+    stable = look.stability(q, u, free, lam)
     if status.solved and not stable.stable:
         status = Status(
             "solved", f"{status.message} The equilibrium is {stable.word}: a disturbance may carry it away."
@@ -108,10 +121,10 @@ def looked_at(result, look, free, prescribed, residuals=None):
         status = Status("solved", f"{status.message} Beyond its limits: {', '.join(past)}.")
     details = {**result.details, "stability": stable.sentence, "stable": stable.stable,
                "limits": limits}  # fmt: skip
-    values = {**result.values, **look.values(q, u)}
+    values = {**result.values, **look.values(q, u, lam)}
     values["stability.smallest_eigenvalue"] = Value(stable.smallest, "1")
     if prescribed:
-        r = np.array(look.balance.evaluate(q, u)[0])
+        r = look.unbalanced(q, u, lam)[0]
         units = {"rad": "N m", "m": "N"}
         for i in prescribed:
             name, unit = look.robot.coordinates[i], look.robot.coordinate_units[i]

@@ -6,6 +6,7 @@ from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.model.rods import Rod
 from socontrol.programs.goals import AxisDirection, Path, Point, Pose, Shape
 from socontrol.report import shapes, style
+from socontrol.report.ellipsoid_scene import add_ellipsoids
 from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project
 from socontrol.report.tension_cables import add_lines
 from socontrol.report.units import miss, number, with_unit
@@ -26,6 +27,7 @@ def robot_figure(result):
     scale, slack_ones = add_lines(scene, result, posed, _size(scene))
     size = _size(scene)
     legend = slack_ones + _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
+    legend += add_ellipsoids(scene, result, posed, size)
     for name in shapes.ends(question.robot):
         scene.triad(posed.place(name), 0.11 * size)
     scene.settle_unit()

@@ -7,7 +7,8 @@ from rich.text import Text
 from socontrol.report.columns import columns, line, say
 from socontrol.report.units import miss, number, quiet, readable
 
-TITLES = {"inverse_statics": "inverse statics", "fit": "fit to measurements"}
+TITLES = {"inverse_statics": "inverse statics", "fit": "fit to measurements",
+          "ellipsoids": "ellipsoids of a posture at rest"}  # fmt: skip
 WHOLE = ("together", "with more time")  # starts of attempts at all waypoints of a path
 KINDS = {"posture": "tensions of a posture", "path": "tensions along a path", "motion": "tensions of a motion"}
 

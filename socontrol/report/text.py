@@ -3,9 +3,10 @@
 import numpy as np
 from rich.text import Text
 
-from socontrol.report import fits, motion_text, plan_text, tension_motion_text, tension_text
+from socontrol.report import ellipsoid_text, fits, motion_text, plan_text, tension_motion_text, tension_text
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import input_values, inputs_table
+from socontrol.report.loop_text import loops
 from socontrol.report.said import attempts, discretisation, headline, in_units, names_cables, segments_of, tips_of
 from socontrol.report.tension_course import kind_of, lines
 from socontrol.report.tension_table import cables, slack_names, tells, tight_limits
@@ -40,9 +41,11 @@ def render(result, console, verbose=0):
     (tension_text.of_path if on_path else tension_text.compliance)(result, console)
     _frames(result, console, verbose, on_path)
     _joints(result, console)
+    ellipsoid_text.table(result, console)
     _goals(result, console, on_path)
     _trust(result, console, verbose)
     _prescribed(result, console)
+    loops(result, console)
     _sensitivities(result, console)
     if verbose:
         _more(result, console, verbose, told)
