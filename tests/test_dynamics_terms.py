@@ -125,7 +125,7 @@ TABLE = {**ROBOTS, **EXTRA}
 def described(name):
     """A robot on dry land (`test_fluids` takes them into the water), its rods of few sections: more cost time only.
 
-    Cables do not rub: the friction of a motion is that of its rates (`test_friction`).
+    Cables do not rub: the friction of a motion is that of its rates (`test_friction`). Loops are open (`test_loops`).
     """
     if name in TABLE:
         return TABLE[name]
@@ -134,7 +134,7 @@ def described(name):
     cables = {k: replace(a, friction=0.0) if isinstance(a, Tendon) else a
               for k, a in (description.actuators or {}).items()}  # fmt: skip
     segments = {k: shortened(s) for k, s in description.segments.items()}
-    return replace(description, loads=loads, segments=segments, actuators=cables)
+    return replace(description, loads=loads, segments=segments, actuators=cables, loops=None)
 
 
 def shortened(s):

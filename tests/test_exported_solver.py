@@ -378,7 +378,7 @@ def test_a_selftest_fails_where_the_code_is_wrong(exported, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["flying_rod"], 3, ["simulation", "statics and inverse_statics"]),
+        (["flying_rod"], 3, ["simulation", "statics, inverse_statics and tensions"]),
         (["stiff_flop_reach", "--real", "float"], 2, ["double precision", "robot file"]),
     ],
 )

@@ -125,7 +125,7 @@ YIELDING = {  # robot, keys that have given way by so much, what gives way, how 
     "obstacle": ("cartpole", lambda by: upright(0.4 + by), "obstacles.roof", 0.1),
     "torque": ("double_pendulum", lambda by: held_out(10.0 + by), "inputs.shoulder (upper limit)",
                holding(np.array([[0.5, 0.0]]))[0, 0] - 10.0),
-    "length": ("gripper_finger_planar", lambda by: close(limits={"lengths": {"cable": [0.028 - by, 0.04]}}),
+    "length": ("gripper_finger_planar", lambda by: close(limits={"lengths": {"cable": [0.088 - by, 0.1]}}),
                "limits.lengths.cable", None),
 }  # fmt: skip
 
@@ -292,14 +292,14 @@ def test_limits_are_reached_and_hold_between_the_points_too():
 
 
 def test_a_cable_keeps_its_length():
-    """Of a level finger: that of the flexures, 10 mm each, less 7 mm times the bend of each."""
+    """Of a level finger: that of blocks and flexures, 20 and 10 mm each, less 7 mm times the bend of each flexure."""
     lengths = []
-    for limits in ({}, {"lengths": {"cable": ["23 mm", "25.5 mm"]}}):
+    for limits in ({}, {"lengths": {"cable": ["83 mm", "85.5 mm"]}}):
         start, end = {"inputs": {"cable": 0.5}}, {"goals": tip("block_2", None, 0.05, None), "velocity": "free"}
         arrays = plan("gripper_finger_planar", **close(limits=limits, start=start, end=end)).arrays
-        lengths.append(0.03 - 7e-3 * np.abs(arrays["q"].sum(axis=1)) * 0.01)
+        lengths.append(0.09 - 7e-3 * np.abs(arrays["q"].sum(axis=1)) * 0.01)
         np.testing.assert_allclose(arrays["lengths"][:, 0], lengths[-1], rtol=1e-6)
-    assert lengths[0].max() > 26e-3 and lengths[1].max() == pytest.approx(25.5e-3, abs=1e-5)
+    assert lengths[0].max() > 86e-3 and lengths[1].max() == pytest.approx(85.5e-3, abs=1e-5)
 
 
 def test_a_body_keeps_out_of_an_obstacle_that_is_in_its_way():
