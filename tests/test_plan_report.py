@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
+from printed import sentence, words
 
 import socontrol as so
 from socontrol.cli.plot import draw_again
@@ -15,7 +15,7 @@ from socontrol.programs.motion_limits import MotionLimits, Speed
 from socontrol.programs.obstacles import Box, Capsule, HalfSpace, Sphere
 from socontrol.programs.result import Result, Status, Value
 from socontrol.programs.trajectory import Trajectory
-from socontrol.report import motion_gif, obstacle_shapes, plan_paths, plan_strips, plots, shapes, text
+from socontrol.report import motion_gif, obstacle_shapes, plan_paths, plan_strips, plots, shapes
 from socontrol.report.motion import Motion
 from socontrol.report.plan_csv import table
 from socontrol.report.scene import Scene
@@ -120,20 +120,6 @@ def infeasible(crane):
               {"quantity": "input m1, upper", "by": 1.25, "unit": "N m", "share": 0.31}]  # fmt: skip
     return replace(crane, status=Status("infeasible", "No motion was found within the limits."),
                    details={**crane.details, "worst": worst, "loosen": loosen})  # fmt: skip
-
-
-def words(result, verbose=0):
-    console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    text.render(result, console, verbose)
-    return console.export_text(styles=False)
-
-
-def sentence(result, label):
-    """What is said behind a label, its lines joined."""
-    lines = words(result).splitlines()
-    first = next(k for k, x in enumerate(lines) if x.startswith(label))
-    more = next((k for k, x in enumerate(lines[first + 1 :], first + 1) if not x.startswith(" ")), len(lines))
-    return " ".join(x[13:] for x in lines[first:more]).strip()
 
 
 # Words

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rich.console import Console
+from printed import sentence, words
 
 import socontrol as so
 from socontrol.files.result_file import save
@@ -21,7 +21,7 @@ from socontrol.programs.tension_motion import Motion
 from socontrol.programs.tensions import Tensions
 from socontrol.programs.timing import Timing
 from socontrol.programs.waypoints import Circle
-from socontrol.report import plots, style, tension_paths, tension_strips, text
+from socontrol.report import plots, style, tension_paths, tension_strips
 from socontrol.report.motion_curves import histories_figure
 from socontrol.report.portrait import _add_goals
 from socontrol.report.scene import Scene
@@ -131,20 +131,6 @@ def motion(path):
               "motion.unmet": Value(0.034, "1"), "replay.path": Value(2.0025e-3, "m")}  # fmt: skip
     return Result(name="swing", type="tensions", status=Status("solved", "Held."), arrays=arrays, values=values,
                   details={"kind": "motion"}, question=question)  # fmt: skip
-
-
-def words(result, verbose=0):
-    console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    text.render(result, console, verbose)
-    return console.export_text(styles=False)
-
-
-def sentence(result, label):
-    """What is said behind a label, its lines joined."""
-    lines = words(result).splitlines()
-    first = next(k for k, x in enumerate(lines) if x.startswith(label))
-    more = next((k for k, x in enumerate(lines[first + 1 :], first + 1) if not x.startswith(" ")), len(lines))
-    return " ".join(x[13:] for x in lines[first:more]).strip()
 
 
 def row(result, head, name):
