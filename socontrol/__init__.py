@@ -10,7 +10,7 @@ _HOMES = {
     "load_problem": "socontrol.files.problem_file",
     "problem": "socontrol.files.problem_file",
     "solve": "socontrol.programs.questions",
-    "ellipsoids": "socontrol.programs.ellipsoids",
+    "ellipsoids": "socontrol.programs.postures.ellipsoids",
     "load_result": "socontrol.files.result_file",
     "codegen": "socontrol.codegen",
     "load_compiled": "socontrol.codegen.loaded",

@@ -11,8 +11,8 @@ from socontrol.model.joints import Fixed, Revolute
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Annulus, Circle
-from socontrol.programs import check
-from socontrol.programs.scaling import scales
+from socontrol.programs.equilibria.scaling import scales
+from socontrol.programs.looks import check
 
 ANGLES = {"up": 90.0, "left": 210.0, "right": -30.0}  # mirroring y exchanges the last two
 PRESSURE = 140e3

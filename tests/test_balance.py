@@ -16,12 +16,12 @@ from socontrol.model.joints import Fixed, Revolute
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle
-from socontrol.programs import check
-from socontrol.programs.balance import Balance
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.equilibria.scaling import scales
+from socontrol.programs.looks import check
+from socontrol.programs.postures.statics import Statics
 from socontrol.programs.question import Guess
 from socontrol.programs.result import OUTCOMES
-from socontrol.programs.scaling import scales
-from socontrol.programs.statics import Statics
 
 E, RADIUS, LENGTH = 1e6, 0.01, 0.5
 EJ = E * np.pi * RADIUS**4 / 4

@@ -13,11 +13,11 @@ from socontrol.lie import arcs, stumpff
 from socontrol.mechanics.actuators import JointTorque
 from socontrol.mechanics.robot import Robot
 from socontrol.model.steps import Piece
-from socontrol.programs import check
-from socontrol.programs.answer import FORCE_TOLERANCE
-from socontrol.programs.balance import Balance
-from socontrol.programs.scaling import scales
-from socontrol.programs.statics import Statics
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.equilibria.scaling import scales
+from socontrol.programs.looks import check
+from socontrol.programs.looks.answer import FORCE_TOLERANCE
+from socontrol.programs.postures.statics import Statics
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "robots"
 NAMES = ["stiff_flop_two_modules", "octopus_arm", "hybrid_arm"]  # chambers; taper and cables; joints too

@@ -230,7 +230,7 @@ def test_a_limit_exits_5(folder, socontrol):
 @pytest.fixture
 def broken_solver(monkeypatch):
     """A solver that gives up at once, without numbers."""
-    from socontrol.programs.solver import NLP
+    from socontrol.programs.nlp.solver import NLP
 
     monkeypatch.setattr(NLP, "solve", lambda self, **how: self._failed("the solver gave up", 0.0))
 
@@ -255,7 +255,7 @@ def test_options_that_ipopt_refuses_are_a_bad_file(folder, socontrol, option, wo
 
 
 def test_an_answer_that_fails_its_own_check_exits_7(folder, socontrol, monkeypatch):
-    from socontrol.programs import answer
+    from socontrol.programs.looks import answer
 
     monkeypatch.setattr(answer.Look, "collapsed", lambda self, q: ["module.0 (stretch -0.95)"])
     code, out, _ = solve(socontrol, "reach.yaml")
@@ -302,7 +302,7 @@ def test_ctrl_c_exits_130_with_a_result_folder(folder):
 
 
 def test_ctrl_c_that_compiled_code_swallows_is_noticed(folder, socontrol, monkeypatch):
-    from socontrol.programs.inverse_statics import InverseStatics
+    from socontrol.programs.postures.inverse_statics import InverseStatics
 
     def swallowed(self, progress=None):
         with contextlib.suppress(KeyboardInterrupt):
@@ -318,7 +318,7 @@ def test_ctrl_c_that_compiled_code_swallows_is_noticed(folder, socontrol, monkey
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemError("an error with Ctrl-C behind it")])
 def test_ctrl_c_outside_the_solver_is_an_interruption_too(folder, socontrol, monkeypatch, error):
-    from socontrol.programs.inverse_statics import InverseStatics
+    from socontrol.programs.postures.inverse_statics import InverseStatics
 
     def stop(self, progress=None):
         raise error from KeyboardInterrupt()

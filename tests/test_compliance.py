@@ -21,14 +21,14 @@ from socontrol.model.joints import Revolute
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle
-from socontrol.programs.balance import Balance
-from socontrol.programs.compliance import Compliance
-from socontrol.programs.compliance_terms import Compliances
-from socontrol.programs.goals import Point
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.nlp.solver import Ipopt
+from socontrol.programs.postures.goals import Point
 from socontrol.programs.question import Bounds
-from socontrol.programs.redundancy import STANDING, Redundancy
-from socontrol.programs.solver import Ipopt
-from socontrol.programs.tensions import Tensions
+from socontrol.programs.tensions.compliance import Compliance
+from socontrol.programs.tensions.compliance_terms import Compliances
+from socontrol.programs.tensions.redundancy import STANDING, Redundancy
+from socontrol.programs.tensions.tensions import Tensions
 from socontrol.quantities import Bad
 
 ROOT = Path(__file__).parent.parent

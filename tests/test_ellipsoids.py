@@ -9,7 +9,7 @@ import pytest
 import socontrol as so
 from socontrol.files.loader import FileError
 from socontrol.mechanics import ellipsoids as formulas
-from socontrol.programs.ellipsoids import KINDS
+from socontrol.programs.postures.ellipsoids import KINDS
 
 L1, L2, TURNS = 0.5, 0.3, (0.4, 0.9)
 SPRINGS = (2.0, 0.7)  # N m/rad

@@ -17,7 +17,7 @@ from socontrol import cli
 from socontrol.codegen.solver import CONSTANTS
 from socontrol.mechanics.robot import Robot
 from socontrol.native import compiler
-from socontrol.programs.reduced import Reduced
+from socontrol.programs.postures.reduced import Reduced
 
 ROOT = Path(__file__).parent.parent
 GOALS = np.loadtxt(ROOT / "tests" / "reference" / "two_module_goals.csv", delimiter=",")

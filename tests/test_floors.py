@@ -18,6 +18,13 @@ FLOORS = [  # a name ending in "/" is every other module of that folder
     ["files/"],
     ["report/"],
     ["programs/questions"],
+    ["programs/tensions/"],
+    ["programs/plans/"],
+    ["programs/postures/", "programs/motions/"],
+    ["programs/looks/"],
+    ["programs/equilibria/"],
+    ["programs/question"],
+    ["programs/nlp/"],
     ["programs/"],
     ["native/"],
     ["mechanics/functions"],
@@ -50,7 +57,7 @@ FILES = [  # inside files/, the rest below these
     ["loader"],
 ]
 FREE_INSIDE = {  # folders whose modules may import one another, without cycles
-    "programs": "a problem type stands on others",
+    "programs": "the modules of one family stand on each other",
     "cli": "commands share their printing",
     "report": "figures share their style",
     "files": "readers share the loader",
@@ -119,9 +126,9 @@ def floor(module):
     for depth, names in enumerate(FLOORS):
         if module in names:
             return len(FLOORS) - depth
-    folder = module.split("/")[0] + "/"
+    folder = module.rpartition("/")[0] + "/"
     for depth, names in enumerate(FLOORS):
-        if "/" in module and folder in names:
+        if folder in names:
             return len(FLOORS) - depth
     raise AssertionError(f"socontrol/{module}.py stands on no floor; add it to FLOORS")
 
@@ -130,8 +137,8 @@ def below(module, other):
     """Whether `module` may import `other`."""
     if floor(other) < floor(module):
         return True
-    folder = module.split("/")[0]
-    free = folder == other.split("/")[0] and folder in FREE_INSIDE
+    folder = module.rpartition("/")[0]
+    free = folder == other.rpartition("/")[0] and folder.split("/")[0] in FREE_INSIDE
     return free and floor(other) == floor(module) and story(other) <= story(module)
 
 
@@ -199,7 +206,7 @@ for name in {modules}:
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.joints import Revolute
 from socontrol.model.bodies import Body
-from socontrol.programs.statics import Statics
+from socontrol.programs.postures.statics import Statics
 arm = Revolute(axis=(0.0, 1.0, 0.0), stiffness=2.0, body=Body(mass=0.1, com=(0.2, 0.0, 0.0)))
 print(Statics(robot=Robot(Description(segments={{"arm": arm}}))).solve().require()["arm.position"])
 """
@@ -222,7 +229,7 @@ def test_an_upward_import_would_be_found():
     assert not below("lie/se3", "mechanics/robot")
     assert not below("model/joints", "model/rods")
     assert not below("model/rods", "model/joints")
-    assert not below("mechanics/robot", "programs/balance")
+    assert not below("mechanics/robot", "programs/equilibria/balance")
     assert not below("files/loader", "files/robot_file")
     assert below("files/problem_file", "files/robot_file")
-    assert below("programs/statics", "programs/balance")
+    assert below("programs/postures/statics", "programs/equilibria/balance")

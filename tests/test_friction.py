@@ -23,7 +23,7 @@ from socontrol.mechanics.statics import Statics
 from socontrol.model.bodies import Placement
 from socontrol.model.joints import Fixed, Revolute
 from socontrol.model.rods import Rod
-from socontrol.programs import check
+from socontrol.programs.looks import check
 
 MU = 0.15
 HELIX = Helix(radius=0.006, turns=0.7, phase=0.3, end_radius=0.004)

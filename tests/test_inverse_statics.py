@@ -15,9 +15,11 @@ from scipy.spatial.transform import Rotation
 from socontrol.mechanics.loads import Wrench
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.bodies import Placement
-from socontrol.programs.balance import Balance
-from socontrol.programs.costs import COSTS, Effort, Reference, StrainEnergy
-from socontrol.programs.goals import (
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.equilibria.scaling import scales
+from socontrol.programs.nlp.solver import Ipopt
+from socontrol.programs.postures.costs import COSTS, Effort, Reference, StrainEnergy
+from socontrol.programs.postures.goals import (
     GOALS,
     AxisDirection,
     Curvature,
@@ -29,11 +31,9 @@ from socontrol.programs.goals import (
     Shape,
     ShapePoint,
 )
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.postures.inverse_statics import InverseStatics
+from socontrol.programs.postures.waypoints import Circle, FigureEight, Polygon
 from socontrol.programs.question import Bounds, Guess
-from socontrol.programs.scaling import scales
-from socontrol.programs.solver import Ipopt
-from socontrol.programs.waypoints import Circle, FigureEight, Polygon
 from socontrol.quantities import Bad
 
 SHARES = (0.5, 0.2, 0.1, 0.3, 0.1, 0.4)  # of the full pressure

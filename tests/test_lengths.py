@@ -11,15 +11,15 @@ from scipy.integrate import solve_ivp
 
 import socontrol as so
 from socontrol.files.loader import FileError
-from socontrol.programs.balance import Balance
-from socontrol.programs.complementarity import complementary, least
-from socontrol.programs.conditions import Conditions, Constrained
-from socontrol.programs.held_balance import HeldBalance
-from socontrol.programs.held_march import HeldMarcher
-from socontrol.programs.integrators import Radau
-from socontrol.programs.lengths import Held, Routes, given_by_length, held
-from socontrol.programs.plant import Plant
-from socontrol.programs.signals import History
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.equilibria.complementarity import complementary, least
+from socontrol.programs.equilibria.held_balance import HeldBalance
+from socontrol.programs.equilibria.lengths import Held, Routes, given_by_length, held
+from socontrol.programs.motions.conditions import Conditions, Constrained
+from socontrol.programs.motions.held_march import HeldMarcher
+from socontrol.programs.motions.integrators import Radau
+from socontrol.programs.motions.plant import Plant
+from socontrol.programs.motions.signals import History
 
 E, RADIUS, LENGTH, Y = 110e3, 0.01, 0.25, 0.008
 AREA, INERTIA = np.pi * RADIUS**2, np.pi * RADIUS**4 / 4

@@ -15,9 +15,9 @@ from socontrol.mechanics.loops import End
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.bodies import Placement
 from socontrol.model.joints import Fixed
-from socontrol.programs import check
-from socontrol.programs.closed_balance import ClosedBalance
-from socontrol.programs.statics import Statics
+from socontrol.programs.equilibria.closed_balance import ClosedBalance
+from socontrol.programs.looks import check
+from socontrol.programs.postures.statics import Statics
 from socontrol.quantities import Bad
 
 PROBLEMS = Path(__file__).parents[1] / "problems"

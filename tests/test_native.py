@@ -33,8 +33,8 @@ from socontrol.model.sections import Circle
 from socontrol.native import c_source, compiled, compiler
 from socontrol.native import cache as kept
 from socontrol.native.buffers import Buffered
-from socontrol.programs.goals import Point
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.postures.goals import Point
+from socontrol.programs.postures.inverse_statics import InverseStatics
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = sorted(path.stem for path in (ROOT / "configs/robots").glob("*.yaml"))

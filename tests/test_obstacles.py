@@ -14,7 +14,7 @@ from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.joints import Prismatic, Revolute
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Annulus, Circle, Ellipse, Rectangle
-from socontrol.programs.obstacles import (
+from socontrol.programs.plans.obstacles import (
     FLAGS,
     OBSTACLES,
     Box,

@@ -420,7 +420,7 @@ def test_only_plans_become_tables(folder, socontrol):
 LONG_CALL = """
 import ctypes
 from socontrol.cli.console import progress
-from socontrol.programs.solver import captured
+from socontrol.programs.nlp.solver import captured
 with progress("x", lambda: None) as show, captured() as log:
     for k in range(1, 9):
         ctypes.PyDLL(None).usleep(120_000)  # as a solver in C++: no other Python thread has its turn

@@ -9,12 +9,12 @@ from printed import sentence, words
 
 import socontrol as so
 from socontrol.cli.plot import draw_again
-from socontrol.programs import goals
-from socontrol.programs.moments import End, Waypoint
-from socontrol.programs.motion_limits import MotionLimits, Speed
-from socontrol.programs.obstacles import Box, Capsule, HalfSpace, Sphere
+from socontrol.programs.plans.moments import End, Waypoint
+from socontrol.programs.plans.motion_limits import MotionLimits, Speed
+from socontrol.programs.plans.obstacles import Box, Capsule, HalfSpace, Sphere
+from socontrol.programs.plans.trajectory import Trajectory
+from socontrol.programs.postures import goals
 from socontrol.programs.result import Result, Status, Value
-from socontrol.programs.trajectory import Trajectory
 from socontrol.report import motion_gif, obstacle_shapes, plan_paths, plan_strips, plots, shapes
 from socontrol.report.motion import Motion
 from socontrol.report.plan_csv import table

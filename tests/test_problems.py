@@ -15,7 +15,7 @@ from robots import Plain, slopes
 from ruamel.yaml import YAML
 
 import socontrol as so
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.postures.inverse_statics import InverseStatics
 
 ROOT = Path(__file__).parents[1]
 PROBLEMS = {str(p.relative_to(ROOT / "problems"))[:-5]: p for p in sorted((ROOT / "problems").rglob("*.yaml"))}

@@ -12,13 +12,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import socontrol as so
-from socontrol.programs import replay
-from socontrol.programs.motion_answer import ends
-from socontrol.programs.plan_answer import curve_of
-from socontrol.programs.plan_errors import Finer, between, needed, positions
-from socontrol.programs.planned import Planned
-from socontrol.programs.schemes import scheme
-from socontrol.programs.simulation import displacement_weights
+from socontrol.programs.motions.motion_answer import ends
+from socontrol.programs.motions.simulation import displacement_weights
+from socontrol.programs.plans import replay
+from socontrol.programs.plans.plan_answer import curve_of
+from socontrol.programs.plans.plan_errors import Finer, between, needed, positions
+from socontrol.programs.plans.planned import Planned
+from socontrol.programs.plans.schemes import scheme
 
 SHIPPED = Path(__file__).parents[1] / "configs/robots"
 ROBOTS = {

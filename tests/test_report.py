@@ -16,10 +16,10 @@ from socontrol.model.joints import Revolute
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle, Rectangle
-from socontrol.programs import goals, waypoints
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.postures import goals, waypoints
+from socontrol.programs.postures.inverse_statics import InverseStatics
+from socontrol.programs.postures.statics import Statics
 from socontrol.programs.result import Result, Status, Value
-from socontrol.programs.statics import Statics
 from socontrol.report import plots, scene, shapes, text, units
 from socontrol.report.portrait import robot_figure
 

@@ -12,15 +12,15 @@ import socontrol as so
 from socontrol.files.result_file import save
 from socontrol.mechanics.actuators import InternalMoment
 from socontrol.mechanics.robot import Robot
-from socontrol.programs.compliance import Compliance
-from socontrol.programs.goals import Path, Point, Shape, ShapePoint
-from socontrol.programs.motion_limits import PathLimits
+from socontrol.programs.plans.motion_limits import PathLimits
+from socontrol.programs.postures.goals import Path, Point, Shape, ShapePoint
+from socontrol.programs.postures.statics import Statics
+from socontrol.programs.postures.waypoints import Circle
 from socontrol.programs.result import Result, Status, Value
-from socontrol.programs.statics import Statics
-from socontrol.programs.tension_motion import Motion
-from socontrol.programs.tensions import Tensions
-from socontrol.programs.timing import Timing
-from socontrol.programs.waypoints import Circle
+from socontrol.programs.tensions.compliance import Compliance
+from socontrol.programs.tensions.tension_motion import Motion
+from socontrol.programs.tensions.tensions import Tensions
+from socontrol.programs.tensions.timing import Timing
 from socontrol.report import plots, style, tension_paths, tension_strips
 from socontrol.report.motion_curves import histories_figure
 from socontrol.report.portrait import _add_goals

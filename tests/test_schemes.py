@@ -10,9 +10,9 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import spsolve
 
-from socontrol.programs.planned import Planned
-from socontrol.programs.schemes import scheme, slopes, through
-from socontrol.programs.transcription import Span, System, Transcription
+from socontrol.programs.plans.planned import Planned
+from socontrol.programs.plans.schemes import scheme, slopes, through
+from socontrol.programs.plans.transcription import Span, System, Transcription
 
 KINDS = [*(("radau", s) for s in (1, 2, 3, 4, 5)), *(("lobatto", s) for s in (2, 3, 4, 5))]
 INSIDE = np.array([0.0, 0.07, 0.31, 0.5, 0.83, 1.0])

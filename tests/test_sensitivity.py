@@ -8,12 +8,12 @@ import pytest
 from arms import PRESSURE, PULL, frame, hand, module, two_modules
 
 from socontrol.mechanics.robot import Description, Robot
-from socontrol.programs.balance import Balance
-from socontrol.programs.costs import Effort, Reference, StrainEnergy
-from socontrol.programs.goals import AxisDirection, Point
-from socontrol.programs.inverse_statics import InverseStatics
-from socontrol.programs.sensitivity import Degenerate, derivatives
-from socontrol.programs.solver import Ipopt
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.nlp.solver import Ipopt
+from socontrol.programs.postures.costs import Effort, Reference, StrainEnergy
+from socontrol.programs.postures.goals import AxisDirection, Point
+from socontrol.programs.postures.inverse_statics import InverseStatics
+from socontrol.programs.postures.sensitivity import Degenerate, derivatives
 
 # central differences of order 6
 SIX_POINTS = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}

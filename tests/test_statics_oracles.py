@@ -24,8 +24,8 @@ from socontrol.model.joints import Fixed, Revolute
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle, General, Taper
-from socontrol.programs import check
-from socontrol.programs.balance import Balance
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.looks import check
 
 REFERENCE = Path(__file__).parent / "reference"
 FILES = [

@@ -10,8 +10,8 @@ import pytest
 
 import socontrol as so
 from socontrol import cli
-from socontrol.programs.tension_fit import bounded
-from socontrol.programs.timed_way import Curve
+from socontrol.programs.tensions.tension_fit import bounded
+from socontrol.programs.tensions.timed_way import Curve
 from socontrol.quantities import Bad
 
 ROOT = Path(__file__).parent.parent

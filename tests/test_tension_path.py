@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 
 import socontrol as so
 from socontrol import cli
-from socontrol.programs.path_directions import STILL, directed
+from socontrol.programs.tensions.path_directions import STILL, directed
 
 K, F = 100.0, 10.0  # N/m of each spring, N at most of each motor
 CORNERS = [[0.01, 0.01, 0.05], [0.05, 0.01, 0.05], [0.05, 0.09, 0.05], [0.17, 0.09, 0.05]]  # x rises, rests, rises

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import socontrol as so
-from socontrol.programs.balance import Balance
+from socontrol.programs.equilibria.balance import Balance
 from socontrol.programs.words import pretty
 from socontrol.quantities import Bad
 

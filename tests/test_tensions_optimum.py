@@ -7,7 +7,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 import socontrol as so
-from socontrol.programs.balance import Balance
+from socontrol.programs.equilibria.balance import Balance
 
 ROOT = Path(__file__).parent.parent
 LIMIT = 0.265  # N

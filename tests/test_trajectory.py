@@ -7,8 +7,8 @@ import pytest
 
 import socontrol as so
 from socontrol.native import compiler
-from socontrol.programs.plan_answer import resampled
-from socontrol.programs.plan_costs import PLAN_COSTS
+from socontrol.programs.plans.plan_answer import resampled
+from socontrol.programs.plans.plan_costs import PLAN_COSTS
 
 ROBOTS = Path(__file__).parent.parent / "configs/robots"
 CART, POLE, ARM, G = 1.0, 0.3, 0.5, 9.81  # kg, kg, m, m/s^2: configs/robots/cartpole.yaml

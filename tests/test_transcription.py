@@ -13,14 +13,14 @@ from scipy.optimize import brentq
 
 import socontrol as so
 from socontrol.native import compiler
-from socontrol.programs import assembly
-from socontrol.programs.parts import Parts
-from socontrol.programs.plan_costs import Effort
-from socontrol.programs.plan_guess import PlanGuess
-from socontrol.programs.schemes import scheme
-from socontrol.programs.solver import NLP, Ipopt
-from socontrol.programs.trajectory import End, Mesh, Outputs, Replay, Start, Trajectory
-from socontrol.programs.transcription import Span, System, Transcription
+from socontrol.programs.nlp import assembly
+from socontrol.programs.nlp.parts import Parts
+from socontrol.programs.nlp.solver import NLP, Ipopt
+from socontrol.programs.plans.plan_costs import Effort
+from socontrol.programs.plans.plan_guess import PlanGuess
+from socontrol.programs.plans.schemes import scheme
+from socontrol.programs.plans.trajectory import End, Mesh, Outputs, Replay, Start, Trajectory
+from socontrol.programs.plans.transcription import Span, System, Transcription
 
 ROBOTS = Path(__file__).parent.parent / "configs/robots"
 PRECISE = Ipopt(tolerance=1e-11)

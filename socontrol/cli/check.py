@@ -8,9 +8,9 @@ from socontrol.files.problem_file import question_of, resolved, solver_of
 from socontrol.files.robot_file import robot_of
 from socontrol.files.yaml_reader import FileError, UnreadableFile, read_yaml
 from socontrol.mechanics.robot import Description
+from socontrol.programs.plans.trajectory import Trajectory
 from socontrol.programs.question import Question
 from socontrol.programs.questions import QUESTIONS, SOLVERS
-from socontrol.programs.trajectory import Trajectory
 from socontrol.quantities import joined
 
 

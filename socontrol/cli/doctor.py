@@ -67,8 +67,8 @@ def _tried(linear_solver):
     try:
         import casadi as ca
 
-        from socontrol.programs.program import Program
-        from socontrol.programs.solver import NLP, Ipopt
+        from socontrol.programs.nlp.program import Program
+        from socontrol.programs.nlp.solver import NLP, Ipopt
 
         program = Program(ca.SX.sym)
         x = program.variable("x", 1, lower=0.0)

@@ -15,12 +15,12 @@ from socontrol.model.bases import STRAIN_SETS, XI_BAR, selection
 from socontrol.model.joints import JOINTS
 from socontrol.model.materials import MATERIALS
 from socontrol.model.sections import SECTIONS
-from socontrol.programs.costs import COSTS
-from socontrol.programs.goals import GOALS
-from socontrol.programs.obstacles import OBSTACLES
-from socontrol.programs.plan_costs import PLAN_COSTS
+from socontrol.programs.motions.signals import SIGNALS
+from socontrol.programs.plans.obstacles import OBSTACLES
+from socontrol.programs.plans.plan_costs import PLAN_COSTS
+from socontrol.programs.postures.costs import COSTS
+from socontrol.programs.postures.goals import GOALS
 from socontrol.programs.questions import QUESTIONS, SOLVERS
-from socontrol.programs.signals import SIGNALS
 from socontrol.records import fields_of
 
 FAMILIES = {  # family: (table, where it stands in a file)

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 
 from socontrol.files.yaml_reader import Document, FileError
-from socontrol.programs.obstacles import parse
-from socontrol.programs.plan_costs import PLAN_COSTS
+from socontrol.programs.plans.obstacles import parse
+from socontrol.programs.plans.plan_costs import PLAN_COSTS
 from socontrol.records import file_key, joined, nearest
 
 FREE = ("free", "null")  # words for a coordinate of a point that is not held

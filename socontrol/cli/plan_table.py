@@ -34,7 +34,7 @@ def _table(folder, result, every):
         raise BadFlag(f"{folder}: a result of type {result.type} is no plan; --csv wants one of type trajectory")
     if "t" not in result.arrays:
         raise BadFlag(f"{folder}: the result has no numbers to write ({result.status.outcome})")
-    from socontrol.programs.plan_answer import resampled
+    from socontrol.programs.plans.plan_answer import resampled
     from socontrol.report.plan_csv import table
 
     if every:

@@ -14,11 +14,11 @@ import numpy as np
 from socontrol.codegen import solver_checks
 from socontrol.codegen.ctext import comment, literal, vector
 from socontrol.codegen.identifiers import distinct, identifier
-from socontrol.programs.ellipsoids import Ellipsoids
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.postures.ellipsoids import Ellipsoids
+from socontrol.programs.postures.inverse_statics import InverseStatics
+from socontrol.programs.postures.reduced import Reduced
+from socontrol.programs.postures.statics import Statics
 from socontrol.programs.questions import QUESTIONS
-from socontrol.programs.reduced import Reduced
-from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad
 
 BEYOND = ("motion", "compliance", "lengths", "motors", "volumes", "timing", "together", "limits", "smoothness")

@@ -6,7 +6,7 @@ import numpy as np
 
 from socontrol.codegen.ctext import literal, matrix, vector
 from socontrol.codegen.part import Checks
-from socontrol.programs.inverse_statics import InverseSolver
+from socontrol.programs.postures.inverse_statics import InverseSolver
 
 SEED = 20
 COLD = 20  # answers from rest

@@ -10,7 +10,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from socontrol.programs.signals import LONGEST
+from socontrol.programs.motions.signals import LONGEST
 from socontrol.quantities import joined, show
 
 

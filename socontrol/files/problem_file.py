@@ -21,9 +21,9 @@ from socontrol.files.plan_files import motions_inlined
 from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
 from socontrol.programs import questions
+from socontrol.programs.equilibria.singular import unheld
+from socontrol.programs.postures.statics import Statics
 from socontrol.programs.questions import QUESTIONS, SOLVERS, Solver
-from socontrol.programs.singular import unheld
-from socontrol.programs.statics import Statics
 from socontrol.quantities import Bad, fields_of, joined, nearest, show
 
 REFERENCES = ("robot", "solver")  # keys that may hold the path of a file instead of a mapping

@@ -17,7 +17,7 @@ import socontrol
 from socontrol.files.problem_file import load_problem
 from socontrol.files.yaml_reader import FileError, UnreadableFile, one_line
 from socontrol.files.yaml_writer import yaml_text
-from socontrol.programs.inverse_statics import Attempt
+from socontrol.programs.postures.inverse_statics import Attempt
 from socontrol.programs.result import Result, Status, Value
 from socontrol.report.plan_csv import table
 

@@ -8,7 +8,7 @@ import numpy as np
 from socontrol.mechanics.loads import Load
 from socontrol.mechanics.robot import Robot
 from socontrol.model.bases import STRAINS
-from socontrol.programs.solver import SOLVERS, Ipopt
+from socontrol.programs.nlp.solver import SOLVERS, Ipopt
 from socontrol.quantities import Bad, Flag, Number, PositiveNumber, Unit, nearest, record
 
 Raw = Annotated[Any, "a number in SI, or text with a unit"]

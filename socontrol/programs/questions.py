@@ -5,14 +5,14 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from socontrol.native.compiler import CompilerWarning, watched
-from socontrol.programs.ellipsoids import Ellipsoids
-from socontrol.programs.fit import Fit
-from socontrol.programs.integrators import Cvodes
-from socontrol.programs.inverse_statics import InverseStatics
-from socontrol.programs.simulation import Simulation
-from socontrol.programs.statics import Statics
-from socontrol.programs.tensions import Tensions
-from socontrol.programs.trajectory import Trajectory
+from socontrol.programs.motions.integrators import Cvodes
+from socontrol.programs.motions.simulation import Simulation
+from socontrol.programs.plans.trajectory import Trajectory
+from socontrol.programs.postures.ellipsoids import Ellipsoids
+from socontrol.programs.postures.fit import Fit
+from socontrol.programs.postures.inverse_statics import InverseStatics
+from socontrol.programs.postures.statics import Statics
+from socontrol.programs.tensions.tensions import Tensions
 from socontrol.quantities import OneOf
 
 QUESTIONS = {

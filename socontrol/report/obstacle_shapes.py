@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from socontrol.programs.obstacles import Box, Capsule, HalfSpace, Sphere
+from socontrol.programs.plans.obstacles import Box, Capsule, HalfSpace, Sphere
 from socontrol.report import shapes
 
 FACE, EDGE = "#ddd3c4", "#7a6a55"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from socontrol.programs.goals import AxisDirection, Point, Pose, Shape
+from socontrol.programs.postures.goals import AxisDirection, Point, Pose, Shape
 from socontrol.report import shapes, style
 from socontrol.report.motion import Motion
 from socontrol.report.motion_shapes import composed, drawn

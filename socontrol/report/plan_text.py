@@ -3,7 +3,7 @@
 import numpy as np
 from rich.text import Text
 
-from socontrol.programs.plan_answer import PENETRATION
+from socontrol.programs.plans.plan_answer import PENETRATION
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import ranges_table
 from socontrol.report.plan_limits import NEAR, at_limits, in_unit, quantities, told

@@ -4,7 +4,7 @@ import numpy as np
 
 from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.model.rods import Rod
-from socontrol.programs.goals import AxisDirection, Path, Point, Pose, Shape
+from socontrol.programs.postures.goals import AxisDirection, Path, Point, Pose, Shape
 from socontrol.report import shapes, style
 from socontrol.report.ellipsoid_scene import add_ellipsoids
 from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from socontrol.programs.goals import Path
+from socontrol.programs.postures.goals import Path
 from socontrol.report import shapes
 
 

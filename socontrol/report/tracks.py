@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from socontrol.programs import goals
+from socontrol.programs.postures import goals
 from socontrol.report import style
 from socontrol.report.units import QUANTITY, readable
 

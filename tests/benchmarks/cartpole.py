@@ -9,8 +9,8 @@ import time
 import casadi as ca
 import numpy as np
 
-from socontrol.programs.parts import Parts
-from socontrol.programs.schemes import scheme
+from socontrol.programs.nlp.parts import Parts
+from socontrol.programs.plans.schemes import scheme
 
 SWING, WAY, FORCE = 2.0, 1.0, 20.0  # s, m, N: M. Kelly, SIAM Review 59 (2017)
 CART, POLE, LONG, G = 1.0, 0.3, 0.5, 9.81  # kg, kg, m, m/s^2

@@ -17,7 +17,7 @@ from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle
-from socontrol.programs.statics import Statics
+from socontrol.programs.postures.statics import Statics
 from socontrol.report import style
 from socontrol.report.plots import draw, save
 

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from chains import impossible_chain, random_chain
 
 from socontrol.mechanics.robot import Robot
-from socontrol.programs.closed_balance import ClosedBalance
+from socontrol.programs.equilibria.closed_balance import ClosedBalance
 
 
 def rests(seed):

@@ -33,7 +33,7 @@ from socontrol.mechanics.actuators import JointTorque  # noqa: E402
 from socontrol.mechanics.robot import Description, Robot  # noqa: E402
 from socontrol.model.bodies import Body, Placement  # noqa: E402
 from socontrol.model.joints import Revolute  # noqa: E402
-from socontrol.programs.balance import Balance  # noqa: E402
+from socontrol.programs.equilibria.balance import Balance  # noqa: E402
 from socontrol.report import style  # noqa: E402
 from socontrol.report.plots import save  # noqa: E402
 
@@ -212,7 +212,7 @@ class Elastica:
 
 def simulated(sections):
     """CPU s of one simulated second in socontrol, median of SECONDS runs; tip [3] at GLIMPSE without damping."""
-    from socontrol.programs.simulation import Simulation, Times
+    from socontrol.programs.motions.simulation import Simulation, Times
 
     robot = reference_rod.robot(sections)
     motion = Simulation(robot=robot, times=Times(stop=1.0, every=0.01))

@@ -17,10 +17,10 @@ import numpy as np
 
 import socontrol as so
 from socontrol.lie import se3
-from socontrol.programs.goals import Point
-from socontrol.programs.inverse_statics import InverseStatics
-from socontrol.programs.program import Program
-from socontrol.programs.solver import NLP
+from socontrol.programs.nlp.program import Program
+from socontrol.programs.nlp.solver import NLP
+from socontrol.programs.postures.goals import Point
+from socontrol.programs.postures.inverse_statics import InverseStatics
 
 ROOT = Path(__file__).parents[2]
 ROBOT = ROOT / "configs/robots/stiff_flop_two_modules.yaml"

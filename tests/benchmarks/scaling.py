@@ -14,8 +14,8 @@ import reach
 
 from socontrol.mechanics.robot import Robot
 from socontrol.model.rods import Rod
-from socontrol.programs.goals import Point
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.postures.goals import Point
+from socontrol.programs.postures.inverse_statics import InverseStatics
 
 SECTIONS = (1, 2, 4, 8, 16)
 

@@ -21,9 +21,9 @@ from dynamics_scaling import (
 
 from socontrol.mechanics.loads import Wrench
 from socontrol.mechanics.robot import Description, Robot
-from socontrol.programs.balance import Balance
-from socontrol.programs.goals import Path
-from socontrol.programs.inverse_statics import InverseStatics
+from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.postures.goals import Path
+from socontrol.programs.postures.inverse_statics import InverseStatics
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["vm", "compiled"])

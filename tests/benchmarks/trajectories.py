@@ -24,14 +24,14 @@ from dynamics_scaling import calibration
 
 import socontrol as so
 from socontrol.files.loader import read_yaml
-from socontrol.programs.plan_costs import Effort
-from socontrol.programs.plan_guess import PlanGuess
-from socontrol.programs.planner import Planner
-from socontrol.programs.scaling import scales
-from socontrol.programs.schemes import scheme
-from socontrol.programs.solver import NLP, Ipopt
-from socontrol.programs.trajectory import End, Mesh, Replay, Start, Trajectory
-from socontrol.programs.transcription import Span, System, Transcription
+from socontrol.programs.equilibria.scaling import scales
+from socontrol.programs.nlp.solver import NLP, Ipopt
+from socontrol.programs.plans.plan_costs import Effort
+from socontrol.programs.plans.plan_guess import PlanGuess
+from socontrol.programs.plans.planner import Planner
+from socontrol.programs.plans.schemes import scheme
+from socontrol.programs.plans.trajectory import End, Mesh, Replay, Start, Trajectory
+from socontrol.programs.plans.transcription import Span, System, Transcription
 
 ROOT = Path(__file__).parents[2]
 INTERVALS = 200

@@ -1,0 +1,188 @@
+"""Forward statics of robots with loops: the closed shape that balances inputs and loads, and what the loops bear.
+
+    r(q, u) - E^T lam = 0,    e(q) = 0,    E = de/dq.
+Loops are closed first (`closing`). Then the robot comes to rest as one that is damped and has no mass: implicit Euler
+steps with growing time steps on the motions Z that E leaves, with the tangent K - sum lam_i d2e_i, each put back onto
+e = 0. Rank and Z follow from the singular values of E at every q, those of rows in metres over the robot's length, so
+that rows may depend on each other; lam is the least. Where no rest is found the force is let in gradually.
+Source: C. Kelley, D. Keyes, SIAM J. Numer. Anal. 35 (1998), pseudo-transient continuation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from socontrol.mechanics.loops import independent, slices
+from socontrol.native.buffers import buffered
+from socontrol.programs.equilibria.balance import LONGEST, TOLERANCE, Balance, Equilibrium
+from socontrol.programs.equilibria.closing import CLOSED, Assembly
+from socontrol.programs.result import Status
+
+PUTTING_BACK = 12  # iterations of closing after a step
+SHARE = 5  # by which a good step shortens the damping
+RESTING = 120  # steps to come to rest
+SMALLEST_STEP = 1e-3  # of the load parameter
+
+
+@dataclass(frozen=True)
+class ClosedEquilibrium(Equilibrium):
+    """Equilibrium with the multipliers lam [k] of the loops in N and N m, the least where rows depend on each other."""
+
+    lam: np.ndarray = None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A closed shape q, with lam [k] and, scaled: Z [f x d], force g [d] and tangent H [d x d] on it."""
+
+    q: np.ndarray
+    lam: np.ndarray
+    Z: np.ndarray
+    g: np.ndarray
+    H: np.ndarray
+
+    @property
+    def finite(self):
+        return bool(np.all(np.isfinite(self.g)) and np.all(np.isfinite(self.H)))
+
+    @property
+    def left(self):
+        """Largest scaled force."""
+        return np.max(np.abs(self.g), initial=0.0)
+
+
+class ClosedBalance(Balance):
+    """A Balance that keeps loops closed."""
+
+    def __init__(self, robot, parameters=(), scaling=None):
+        super().__init__(robot, parameters, scaling)
+        self._rows = buffered(robot.functions(parameters).closing)
+        self.units = tuple(unit for loop in robot.loops.values() for unit in loop.units)
+        self.reach = np.where(np.array(self.units, dtype=object) == "rad", 1.0, robot.length)
+
+    def closing(self, q, lam=None, p=None):
+        """e [k], E [k x n] and d(E^T lam)/dq [n x n]; the arrays are reused by the next call."""
+        self._rows.inputs[0][:] = q
+        self._rows.inputs[1][:] = 0.0 if lam is None else lam
+        if self.parameters:
+            self._rows.inputs[2][:] = self.defaults if p is None else p
+        self._rows.run()
+        (e,), E, S = self._rows.outputs
+        return e, E.T, S.T
+
+    def split(self, q, free, p=None):
+        """What E leaves on the free coordinates, scaled: rank, V^T [f x f] and U / s [k x rank]; see `independent`."""
+        E = self.closing(q, p=p)[1][:, free] * self.scales.q[free]
+        return independent(E, self.units, self.robot.length)
+
+    def unbalanced(self, q, u, lam, p=None):
+        """Residual r - E^T lam [n] and its tangent [n x n]."""
+        r, K, _ = self.evaluate(q, u, p)
+        _, E, S = self.closing(q, lam, p)
+        return r - E.T @ lam, K - S
+
+    def held(self, q, free):
+        """What holds: slopes [rank x n] and columns [n x rank] for `stability`."""
+        rank, Vt, _ = self.split(q, free)
+        slopes, columns = np.zeros((rank, free.size)), np.zeros((free.size, rank))
+        slopes[:, free], columns[free] = Vt[:rank] / self.scales.q[free], (Vt[:rank] * self.scales.force[free]).T
+        return slopes, columns
+
+    def redundant(self, q, free):
+        """{loop: how many of its rows hold nothing that the rows before them do not hold}, of those that have any."""
+        E, found, before = self.closing(q)[1][:, free] * self.scales.q[free], {}, 0
+        for name, own in slices(self.robot.loops).items():
+            rank = independent(E[: own.stop], self.units[: own.stop], self.robot.length)[0]
+            extra = own.stop - own.start - (rank - before)
+            before = rank
+            if extra:
+                found[name] = extra
+        return found
+
+    def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200):
+        """Equilibrium at inputs u from q0 (default: 0); `prescribed` {index: value} locks coordinates."""
+        q = np.zeros(self.robot.n) if q0 is None else np.array(q0, dtype=float)
+        free = np.ones(q.size, dtype=bool)
+        for index, value in (prescribed or {}).items():
+            q[index], free[index] = value, False
+        return _Way(self, np.asarray(u, dtype=float), p, free, max_iterations).solve(q)
+
+
+class _Way:
+    """One call of `ClosedBalance.solve`."""
+
+    def __init__(self, balance, u, p, free, limit):
+        self.balance, self.u, self.p, self.free, self.limit = balance, u, p, free, limit
+        self.size, self.force = balance.scales.q[free], balance.scales.force[free]
+        self.assembly, self.steps = Assembly(balance, free, p), 0
+
+    def solve(self, q):
+        with np.errstate(all="ignore"):
+            start, error = self.assembly.assembled(q)
+            if error > CLOSED:
+                return self._ended(start, np.zeros(self.balance.reach.size), self.assembly.told(start))
+            point, reached = self._rest(start, None, RESTING)
+            if not reached:
+                point, reached = self._load_steps(start)
+        return self._ended(point.q, point.lam, None, reached)
+
+    def _ended(self, q, lam, status, reached=False):
+        residual = self.balance.unbalanced(q, self.u, lam, self.p)[0]
+        residual[~self.free] = 0.0
+        count, status = self.steps + self.assembly.count, status or self._status(residual, reached)
+        return ClosedEquilibrium(q, residual, count, status, lam)
+
+    def _point(self, q, offset):
+        """The closed shape q with what pushes it, less `offset` [n]."""
+        balance, free = self.balance, self.free
+        rank, Vt, inverse = balance.split(q, free, self.p)
+        r, K, _ = balance.evaluate(q, self.u, self.p)
+        r = (r - (0.0 if offset is None else offset))[free] / self.force
+        lam = inverse @ (Vt[:rank] @ r) * balance.scales.energy / balance.reach
+        tangent = (K - balance.closing(q, lam, self.p)[2])[np.ix_(free, free)]
+        Z = Vt[rank:].T
+        return _Point(q, lam, Z, Z.T @ r, Z.T @ (tangent * self.size / self.force[:, None]) @ Z)
+
+    def _rest(self, q, offset, limit):
+        """(point, whether at rest) after damped steps from a closed q."""
+        x, rate = self._point(q, offset), 1.0
+        for _ in range(limit):
+            if not x.finite or x.left <= TOLERANCE:
+                return x, x.finite
+            self.steps += 1
+            shift = rate + max(0.0, -1.5 * np.linalg.eigvalsh((x.H + x.H.T) / 2)[0])
+            step = -x.Z @ np.linalg.solve(x.H + shift * np.eye(x.g.size), x.g)
+            longest = np.max(np.abs(step))
+            step *= min(1.0, LONGEST / 2 / longest)
+            trial = q.copy()
+            trial[self.free] = x.q[self.free] + step * self.size
+            trial, error = self.assembly.closed(trial, PUTTING_BACK)
+            y = self._point(trial, offset) if error <= CLOSED else None
+            if y and y.finite and step @ (y.Z @ y.g) <= 0.5 * abs(step @ (x.Z @ x.g)):  # not far beyond the rest
+                x, rate = y, rate / SHARE
+                if longest <= 4e-16 * (1 + np.max(np.abs(x.q[self.free] / self.size))):
+                    break
+            elif x.left <= 1e-10 or (rate := max(4 * rate, 1e-3)) > 1e8:
+                break
+        return x, x.finite and x.left <= 1e-9
+
+    def _load_steps(self, q):
+        """From q, held by what it lacks, to rest, that force taken away in steps."""
+        start = np.array(self.balance.evaluate(q, self.u, self.p)[0])
+        point, t, step = self._point(q, start), 0.0, 0.25
+        while t < 1.0 and step >= SMALLEST_STEP and self.steps < 20 * self.limit:
+            target = min(1.0, t + step)
+            trial, reached = self._rest(point.q, (1 - target) * start, RESTING // 3)
+            if reached:
+                point, t, step = trial, target, step * 2
+            else:
+                step /= 2
+        return point, t >= 1.0
+
+    def _status(self, residual, reached):
+        if reached:
+            return Status("solved", "In equilibrium, loops closed.")
+        if not np.all(np.isfinite(residual)):
+            return Status("numerical", "The model gave NaN or infinity on the way; lower loads or inputs.")
+        sentence = "The loops close, but no rest was found: inputs or loads may drive the robot round and round, or it"
+        return Status("infeasible", f"{sentence} buckles on the way; lower them, or start from a guess.")

@@ -1,0 +1,96 @@
+"""Closing loops: the shape nearest to a guess, by the scaled change of its coordinates, at which e(q) = 0.
+
+Levenberg-Marquardt steps whose damping falls with the square of the error, so that rows may depend on each other; where
+the guess does not lead to a closed shape, random ones are tried.
+Source: J. Fan, Y. Yuan, Computing 74 (2005).
+"""
+
+import numpy as np
+
+from socontrol.mechanics.loops import slices
+from socontrol.programs.equilibria.balance import LONGEST
+from socontrol.programs.result import Status
+from socontrol.quantities import joined
+
+CLOSED = 1e-12  # scaled error that counts as none
+ITERATIONS, NEAREST = 100, 1000  # from a guess; to tell the gap that is left
+STARTS = 16  # random shapes to close from
+
+
+class Assembly:
+    """The loops of a ClosedBalance, closed by the coordinates that are `free` [n]; `count`: iterations so far."""
+
+    def __init__(self, balance, free, p=None):
+        self.balance, self.free, self.p, self.size, self.count = balance, free, p, balance.scales.q[free], 0
+
+    def assembled(self, q):
+        """The closed shape nearest to q, else from random shapes; (q, scaled error), the least error where all fail."""
+        best, least = self.closed(q, ITERATIONS)
+        rng = np.random.default_rng(1)
+        for _ in range(STARTS if least > CLOSED else 0):
+            found, error = self.closed(self._shaken(q, rng), ITERATIONS)
+            if error < least:
+                best, least = found, error
+            if least <= CLOSED:
+                break
+        return (best, least) if least <= CLOSED else self.closed(best, NEAREST)
+
+    def _shaken(self, q, rng):
+        """A random shape: joints anywhere, rods bent by up to a radian a section."""
+        q, length = q.copy(), self.balance.robot.length
+        for piece in self.balance.robot.tree.pieces:
+            bend = 1 / float(piece.length)
+            for i in range(piece.columns.start, piece.columns.stop):
+                reach = {"rad": np.pi, "m": length / 2, "1/m": bend}.get(self.balance.robot.coordinate_units[i], 0.0)
+                q[i] += reach * rng.uniform(-1, 1) * self.free[i]
+        return q
+
+    def _error(self, q):
+        e, E, _ = self.balance.closing(q, p=self.p)
+        return e / self.balance.reach, E[:, self.free] * self.size / self.balance.reach[:, None]
+
+    def closed(self, q, limit):
+        """(q, largest scaled error) after damped least-squares steps from q to e = 0."""
+        q, damping = q.copy(), 1.0
+        e, E = self._error(q)
+        for _ in range(limit):
+            self.count += 1
+            size = float(np.linalg.norm(e))
+            if not np.isfinite(size) or size == 0.0 or not E.size:
+                break
+            U, s, Vt = np.linalg.svd(E, full_matrices=False)
+            step = -Vt.T @ (s / (s**2 + damping * size * min(size, 1.0)) * (U.T @ e))
+            step *= min(1.0, LONGEST / 2 / max(np.max(np.abs(step)), 1e-300))
+            trial = q.copy()
+            trial[self.free] += step * self.size
+            if np.array_equal(trial, q):
+                break
+            e1, E1 = self._error(trial)
+            if np.linalg.norm(e1) < size * (1 - 1e-9) and not self.balance.robot.overstrained(trial):
+                q, e, E, damping = trial, e1, E1, max(damping / 4, 1e-4)
+            elif size < CLOSED / 10 or (damping := 4 * damping) > 1e12:
+                break
+        error = np.max(np.abs(e), initial=0.0)
+        return q, error if np.isfinite(error) else np.inf
+
+    def told(self, q):
+        """Status of the loops that are open at q, the nearest found."""
+        e, names, told = np.array(self.balance.closing(q, p=self.p)[0]), [], []
+        if not np.all(np.isfinite(e)):
+            return Status("numerical", "The model gave NaN or infinity while loops were closed; start from a guess.")
+        for name, own in slices(self.balance.robot.loops).items():
+            if np.max(np.abs(e[own] / self.balance.reach[own])) <= CLOSED:
+                continue
+            turned = np.array(self.balance.units[own], dtype=object) == "rad"
+            apart, askew = np.linalg.norm(e[own][~turned]), np.linalg.norm(e[own][turned])
+            gaps = [f"{1e3 * apart:.4g} mm apart"] * bool(apart > CLOSED * self.balance.robot.length)
+            gaps += [f"{np.degrees(askew):.4g} deg askew"] * bool(askew > CLOSED)
+            names.append(f"'{name}'")
+            told.append(joined(gaps, "and"))
+        if len(names) == 1:
+            sentence = f"Loop {names[0]} cannot close: at the nearest found its ends stay {told[0]}"
+        else:
+            each = joined([f"{gap} ({name})" for name, gap in zip(names, told, strict=True)], "and")
+            sentence = f"Loops cannot close together: at the nearest found their ends stay {each}"
+        held = ", or what is held" if not np.all(self.free) else ""
+        return Status("infeasible", f"{sentence}; change lengths or placements{held}, or start from a guess.")

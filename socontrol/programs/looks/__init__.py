@@ -1,0 +1,1 @@
+"""The independent look at an answer, on numbers of its own."""

@@ -1,0 +1,1 @@
+"""Motions in time: implicit steps, conditions, simulation."""

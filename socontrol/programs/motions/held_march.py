@@ -1,0 +1,127 @@
+"""The march through time of a plant under conditions: steps end where a condition lets go or is met again."""
+
+import numpy as np
+
+from socontrol.programs.motions.integrators import Marcher, Stop
+from socontrol.programs.motions.plant import WORKS
+
+LOOKS = 16  # places inside a step at which one-sided conditions are looked at
+HALVINGS = 40  # of the place where one changes
+TRIES = 6  # to end a step there
+NEAR = 1e-3  # of the step: how near counts
+PULLED, TOUCHED = 1e-7, 1e-10  # of an input's size, of the robot's length: less is not seen
+INSTANT = 1e-5  # of the whole time: what a cable would be slack for less is no slack
+TORN = 1e-7  # of the robot's length: a condition that is not met
+
+
+class HeldMarcher(Marcher):
+    """A `Marcher` of a `Constrained` plant."""
+
+    def __init__(self, plant, settings, times, weights, length):
+        weights = np.concatenate([weights, np.zeros(plant.k)])
+        super().__init__(plant, settings, times, weights, length)
+        self._happens = ()
+        self._room = np.full(plant.k, TOUCHED * length)  # c beyond which a condition that is not held is broken
+
+    def run(self, q, qd, progress=None):
+        return super().run(self.plant.extended(q), self.plant.extended(qd), progress)
+
+    def _prepare(self):
+        self.plant.regularise(0.0, self.q, self.qd)
+        self._switch(())
+        self.work[:] = 0.0
+
+    def _keep(self, t, q, qd, work):
+        n = self.plant.robot.n
+        super()._keep(t, q[:n], qd[:n], work)
+        self.march.u.append(self.plant.inputs_at(t, q, qd))
+
+    def _leg(self, stop):
+        if self.t > 0:
+            self._switch(())
+        super()._leg(stop)
+
+    def _switch(self, touched):
+        """Decide what is held from now on; what is caught costs kinetic energy."""
+        plant, before = self.plant, self.plant.held.copy()
+        self.work[WORKS.index("inputs")] += plant.met_again(
+            self.t, self.q, self.qd, touched, INSTANT * self.times[-1]
+        )
+        plant.project(self.t, self.q, self.qd)
+        rate = plant.rows(self.t, self.q, self.qd).rate
+        for k in touched:
+            if not plant.held[k] and rate[k] > -TOUCHED * self.length:  # others hold it, or contradict it
+                if self._room[k] >= TORN * self.length:
+                    self._torn(k, self._room[k])
+                self._room[k] = TORN * self.length
+        for k in np.flatnonzero(plant.held != before):
+            self.march.changes.append((float(self.t), plant.conditions.names[k], bool(plant.held[k])))
+
+    def _step(self, h):
+        """A step that ends, if not before, where one-sided conditions change."""
+        last, taken, self._happens = self._last, self.march.steps, ()
+        h, follow = super()._step(h)
+        for _ in range(TRIES):
+            x, which = self._change(h)
+            if x is None:
+                break
+            self._happens = which
+            if x > 1 - NEAR:
+                break
+            self._last = last
+            h, _ = super()._step(x * h)
+        self.march.steps = taken + 1
+        return h, follow
+
+    def _accept(self, t):
+        happens = self._happens
+        super()._accept(t)
+        self._refuse_torn()
+        if len(happens):
+            self._switch([k for k in happens if not self.plant.held[k]])
+            self._last, self._acceleration = None, self._begin()
+            self.steps.forget()
+
+    def _refuse_torn(self):
+        """Raise Stop where what is held is not met."""
+        plant = self.plant
+        c = np.where(plant.held & plant.rigid, plant.rows(self.t, self.q, self.qd).c, 0.0)
+        worst = int(np.argmax(np.abs(c)))
+        if not abs(c[worst]) <= TORN * self.length:
+            self._torn(worst, c[worst])
+
+    def _torn(self, k, c):
+        fix = "give other lengths, or the cables a `stiffness`"
+        sentence = f"no posture nearby holds {self.plant.conditions.names[k]}: it is {1e3 * c:.2g} mm off"
+        raise Stop("infeasible", f"At t = {self.t:.6g} s {sentence}; {fix}.")
+
+    def _change(self, h):
+        """(fraction of the last step at which one-sided conditions first change, which), or (None, ())."""
+        places = np.arange(1, LOOKS + 1) / LOOKS
+        if not self.plant.conditions.one_sided.any():
+            return None, ()
+        low, wrong = 0.0, ()
+        for x in places:
+            wrong = self._wrong(x, h)
+            if wrong.size:
+                break
+            low = x
+        else:
+            return None, ()
+        high = x
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            found = self._wrong(middle, h)
+            low, high, wrong = (low, middle, found) if found.size else (middle, high, wrong)
+        return high, wrong
+
+    def _wrong(self, x, h):
+        """Conditions that are held with lam < 0, or not held with c > 0, at the fraction x of the last step."""
+        step, plant = self._last, self.plant
+        lam = (self.steps.table.extended(np.array([x])) @ step.a)[0, -plant.k :]
+        past = plant.held & (lam < -PULLED * plant.sizes)
+        if not plant.held.all():
+            q, v = self.q.copy(), self.qd.copy()
+            q[self.free], v[self.free] = self.steps.end(step, self._before[1], self._before[0], x)
+            past |= ~plant.held & (plant.rows(self.t + x * h, q, v).c > self._room)
+        return np.flatnonzero(plant.conditions.one_sided & past)

@@ -1,0 +1,1 @@
+"""Nonlinear programs: declared by name, scaled, handed to Ipopt or fatrop with exact derivatives."""

@@ -1,0 +1,1 @@
+"""Trajectories by direct collocation."""

@@ -1,0 +1,1 @@
+"""Questions about a robot at rest: statics, inverse statics, ellipsoids, fits."""

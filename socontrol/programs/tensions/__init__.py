@@ -1,0 +1,1 @@
+"""Tensions along paths and motions, and the compliance they leave."""
