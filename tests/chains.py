@@ -9,20 +9,24 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import socontrol as so
 from socontrol.mechanics import loops
 from socontrol.mechanics.actuators import JointTorque
 from socontrol.mechanics.loads import Wrench
 from socontrol.mechanics.loops import End
 from socontrol.mechanics.robot import Description, Robot
 from socontrol.model.bodies import Body, Placement
-from socontrol.model.joints import Prismatic, Revolute, Spherical
+from socontrol.model.joints import JOINTS, Prismatic, Revolute, Spherical
 from socontrol.model.materials import Linear
 from socontrol.model.rods import Rod
 from socontrol.model.sections import Circle, Taper
+from socontrol.programs.postures.statics import Statics
 from socontrol.quantities import Bad
 
 REFERENCE = Path(__file__).parent / "reference"
 Z = (0.0, 0.0, 1.0)
+ROWS = ["linear_spring", "planar_constant_curvature", "inextensible_constant_curvature", "constant_curvature",
+        "inextensible_kirchhoff_love", "kirchhoff_love", "simo_reissner"]  # fmt: skip
 
 
 @cache
@@ -121,22 +125,55 @@ def random_chain(seed, kind=None):
             parent = name
         ends.append(parent)
     kinds = [kind or str(rng.choice(list(loops.LOOPS)))] + ["spherical"] * (seed % 3 == 0)
-    pairs = [tuple(ends), ("a1", "b1")][: len(kinds)]
-    loads = {"push": Wrench(on=ends[0], force=tuple(rng.uniform(-0.5, 0.5, 3).tolist()))}
+    pairs = [((ends[0], 1.0), (ends[1], 1.0)), (("a1", 1.0), ("b1", 1.0))][: len(kinds)]
+    found = _closed(rng, segments, kinds, pairs, ends[0])
+    return found or random_chain(seed + 1000, kind)  # no freedom is left
+
+
+def wide_chain(seed):
+    """A robot of two to four branches, which may stand on the first, of joints of every kind and rods of every row of
+    strains, tapered ones among them; one to three loops of any kind join them, rods also at their middle, or the world.
+    Weights, springs and a cross force push it; from q = 0 its ends are apart."""
+    rng = np.random.default_rng(10_000 + seed)
+    segments, ends = {}, []
+    for branch in "abcd"[: rng.integers(2, 5)]:
+        parent = ends[0] if ends and rng.random() < 0.2 else "world"
+        for k in range(rng.integers(2, 4)):
+            name = f"{branch}{k}"
+            segments[name] = _any_rod(rng, parent) if rng.random() < 0.5 else _any_joint(rng, parent)
+            parent = name
+        ends.append(parent)
+    count = min(int(rng.integers(1, 4)), len(ends) - 1 + int(rng.random() < 0.3))
+    kinds = [str(rng.choice(list(loops.LOOPS))) for _ in range(count)]
+    places = [*(_place(rng, segments, end) for end in ends), ("world", 1.0)]
+    pairs = list(zip(places, places[1:], strict=False))[:count]
+    found = _closed(rng, segments, kinds, pairs, ends[0])
+    return found or wide_chain(seed + 1000)
+
+
+def _place(rng, segments, name):
+    """A segment and X: its end, or the middle of a rod."""
+    return name, 0.5 if isinstance(segments[name], Rod) and rng.random() < 0.3 else 1.0
+
+
+def _closed(rng, segments, kinds, pairs, pushed):
+    """The segments with loops of the kinds that close at a hidden shape; None where they leave no freedom."""
+    loads = {"push": Wrench(on=pushed, force=tuple(rng.uniform(-0.5, 0.5, 3).tolist()))}
     tree = Robot(Description(segments=segments))
     sizes = np.array([{"rad": 1.0, "m": 0.02, "1/m": 3.0}.get(unit, 0.02) for unit in tree.coordinate_units])
     q, f = rng.uniform(-1, 1, tree.n) * sizes, tree.functions()
     closing = {}
     for k, (kind, (a, b)) in enumerate(zip(kinds, pairs, strict=True)):
-        there = np.linalg.solve(np.array(f.pose(b).function(q)), np.array(f.pose(a).function(q)))
+        at_a, at_b = (np.eye(4) if on == "world" else np.array(f.pose(on, X).function(q)) for on, X in (a, b))
+        there = np.linalg.solve(at_b, at_a)
         axis = {} if kind in ("spherical", "fixed") else {"axis": tuple(rng.uniform(-1, 1, 3).tolist())}
         pitch = {"pitch": 0.01} if kind == "helical" else {}
-        joined = End(segment=b, placement=_placement(there))
-        closing[f"loop{k}"] = loops.LOOPS[kind](a=End(segment=a), b=joined, **axis, **pitch)
+        joined = End(segment=b[0], at=b[1], placement=_placement(there))
+        closing[f"loop{k}"] = loops.LOOPS[kind](a=End(segment=a[0], at=a[1]), b=joined, **axis, **pitch)
     try:
         return replace(tree.description, loops=closing, loads=loads)
-    except Bad:  # no freedom is left
-        return random_chain(seed + 1000, kind)
+    except Bad:
+        return None
 
 
 def _random_joint(rng, parent):
@@ -156,6 +193,32 @@ def _random_rod(rng, parent):
                material=Linear(young_modulus=1e6, poisson_ratio=0.45, density=1000.0))  # fmt: skip
 
 
+def _any_joint(rng, parent):
+    kind = str(rng.choice(["revolute", "prismatic", "helical", "cylindrical", "planar", "spherical", "free"]))
+    record, length = JOINTS[kind], rng.uniform(0.08, 0.2)
+    freedoms = len(record.units)
+    soft = [0.02 if unit == "rad" else 200.0 for unit, _ in record.units]
+    body = Body(mass=0.1, com=(length / 2, 0.0, 0.0), inertia=(1e-4, 1e-4, 1e-4))
+    more = {} if kind in ("spherical", "free") else {"axis": tuple(rng.uniform(-1, 1, 3).tolist())}
+    if kind == "helical":
+        more["pitch"] = 0.02
+    if kind != "revolute":  # which its weight or a loop holds
+        more["stiffness"] = tuple(soft) if freedoms > 1 else soft[0]
+    placement = Placement(tuple(rng.uniform(-0.1, 0.1, 3).tolist())) if parent == "world" else Placement()
+    return record(parent=parent, tip=Placement((length, 0.0, 0.0)), body=body, placement=placement, **more)
+
+
+def _any_rod(rng, parent):
+    start = float(rng.uniform(0.003, 0.006))
+    section = Circle(radius=start)
+    if rng.random() < 0.3:
+        section = Taper(start=section, end=Circle(radius=0.6 * start))
+    turned = Placement((0.0, 0.0, 0.0), tuple(rng.uniform(-0.5, 0.5, 3).tolist()))
+    return Rod(parent=parent, length=float(rng.uniform(0.08, 0.25)), cross_section=section, placement=turned,
+               sections=int(rng.integers(1, 5)), strains=str(rng.choice(ROWS)),
+               material=Linear(young_modulus=1e6, poisson_ratio=0.45, density=1000.0))  # fmt: skip
+
+
 def impossible_chain(seed):
     """A planar chain of three to five bars with a pin further away than they reach, and by how much."""
     rng = np.random.default_rng(seed)
@@ -168,3 +231,17 @@ def impossible_chain(seed):
     ground = Placement((reach * np.cos(angle), reach * np.sin(angle), 0.0))
     pin = loops.Revolute(a=End(segment=parent), b=End(segment="world", placement=ground), axis=Z)
     return Description(segments=segments, loops={"far": pin}), gap
+
+
+L_BEAM_TORSION = {"b^4/6": 0.05**4 / 6, "Saint-Venant": None}  # m^4; None: as the square has
+
+
+def l_beam_displacement(sections, torsion):
+    """Largest displacement [m] of the clamped L under its weight, `sections` a bar."""
+    robot = so.load_robot(Path(__file__).parents[1] / "configs" / "robots" / "l_beam.yaml")
+    bars = {
+        name: replace(bar, sections=sections, cross_section=replace(bar.cross_section, torsion_constant=torsion))
+        for name, bar in robot.description.segments.items()
+    }
+    result = Statics(robot=Robot(replace(robot.description, segments=bars)), discretisation=False).solve().require()
+    return result["largest_displacement"]

@@ -499,13 +499,23 @@ def energy_density(material, section, eps):
 
 
 def warping(section, polar):
-    """Torsion constant less the polar moment: zero for round shapes with round holes."""
+    """Torsion constant less the polar moment: zero for round shapes with round holes; of full shapes else."""
     if section.torsion_constant is not None:
         return section.torsion_constant - polar
     if isinstance(section, Ellipse):
         a, b = section.radius_y, section.radius_z
         return pi * a**3 * b**3 / (a**2 + b**2) - pi * a * b * (a**2 + b**2) / 4
+    if isinstance(section, Rectangle) and not section.holes:
+        return rectangle_torsion(section.width, section.height) - polar
     return 0.0
+
+
+@cache
+def rectangle_torsion(a, b):
+    """Torsion constant of a full rectangle from Prandtl's stress function as a double sine series (L. Navier)."""
+    m = np.arange(1.0, 1600.0, 2)[:, None]
+    n = m.T
+    return 256 * a**3 * b**3 / pi**6 * (1 / (m**2 * n**2 * (m**2 * b**2 + n**2 * a**2))).sum()
 
 
 def series(coefficients, x):

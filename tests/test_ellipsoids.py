@@ -164,6 +164,20 @@ def test_symbols_give_what_numbers_give():
 
 # Statics solved again
 
+
+
+def bridge():
+    """Two rods that stand 0.2 m apart and turn out of one plane, their ends joined by a ball; a cable bends one."""
+    rods = {
+        name: {**ROD, "sections": 1, "strains": "kirchhoff_love",
+               "placement": {"position": [x, 0, 0], "rotation": [0, -1.2 if x == 0 else -1.9, 0]}}
+        for name, x in (("left", 0.0), ("right", 0.2))
+    }  # fmt: skip
+    ball = {"type": "spherical", "a": {"segment": "left"}, "b": {"segment": "right"}}
+    cable = {"type": "tendon", "along": ["left"], "offset": [6e-3, 4e-3], "limits": [0, 2]}
+    return {"gravity": [0, 3, -5], "segments": rods, "actuators": {"c0": cable}, "loops": {"ball": ball}}
+
+
 CABLES = {"c0": 0.3, "c1": 0.1, "c2": 0.2}
 RESTS = {  # name: (robot, place, further keys)
     "weight and cables": (arm, "arm", {"inputs": CABLES}),
@@ -176,6 +190,10 @@ RESTS = {  # name: (robot, place, further keys)
     "rubbing cable": (lambda: arm(friction=0.3), "arm", {"lengths": {"c0": 0.22}}),
     "strained loop": (lambda: parallelogram((1.0, 0.5, 0.3), (0.9, 0.2, 0.1), ground=0.25), "coupler",
                       {"guess": {"coordinates": {"crank": 0.8, "coupler": -0.6, "rocker": 0.8}}}),
+    "loop in space": (bridge, "right", {"inputs": {"c0": 0.5}, "guess": {"coordinates": {"left.0.bend_y": 0.01}},
+                                        "loads": {"side": {"type": "wrench", "on": "left", "force": [0, 0.02, 0]}}}),
+    "length held in a loop": (bridge, "left", {"lengths": {"c0": 0.23},
+                                               "guess": {"coordinates": {"left.0.bend_y": 0.01}}}),
 }
 
 
@@ -201,7 +219,7 @@ def test_the_compliance_is_how_far_statics_moves_under_a_small_wrench(name):
         np.testing.assert_allclose(C @ e, moved, atol=1e-5 * np.max(np.abs(C)) + 1e-9)
 
 
-@pytest.mark.parametrize("name", ["dead load", "follower load", "strained loop"])
+@pytest.mark.parametrize("name", ["dead load", "follower load", "strained loop", "loop in space"])
 def test_the_actuation_is_how_far_statics_moves_for_changed_inputs(name):
     robot, on, keys = RESTS[name]
     result, columns = rest(name), []

@@ -18,10 +18,16 @@ def shipped():
     return bases()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def remembered():
+    with pytest.MonkeyPatch.context() as patch:
+        Remembered(patch)
+        yield
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("part", range(PARTS))
-def test_a_damaged_file_is_sound_or_refused_and_harm_is_named_on_its_line(part, shipped, folder, monkeypatch):
-    Remembered(monkeypatch)
+def test_a_damaged_file_is_sound_or_refused_and_harm_is_named_on_its_line(part, shipped, folder):
     verdicts = [judged(mutant(shipped, seed), folder) for seed in range(part, COUNT, PARTS)]
     crashed = [(v.mutant.base.name, v.mutant.kind, v.mutant.path, v.lines) for v in verdicts if v.code not in (0, 3)]
     assert crashed == []
@@ -31,10 +37,9 @@ def test_a_damaged_file_is_sound_or_refused_and_harm_is_named_on_its_line(part, 
     assert len(harmful) > 50 and sum(missed.values()) <= 0.1 * len(harmful), missed
 
 
-def test_the_shipped_files_themselves_are_sound_when_written_anew(shipped, folder, monkeypatch):
+def test_the_shipped_files_themselves_are_sound_when_written_anew(shipped, folder):
     from mutations import Mutant, written
 
-    Remembered(monkeypatch)
     for path, data in shipped.items():
         verdict = judged(Mutant(path, "none", written(data)[0].encode(), (), 1, 1, False), folder)
         assert verdict.code == 0, (path, verdict.lines)

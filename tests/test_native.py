@@ -37,7 +37,7 @@ from socontrol.programs.postures.goals import Point
 from socontrol.programs.postures.inverse_statics import InverseStatics
 
 ROOT = Path(__file__).parent.parent
-SHIPPED = sorted(path.stem for path in (ROOT / "configs/robots").glob("*.yaml"))
+SHIPPED = sorted(path.stem for path in (ROOT / "configs/robots").glob("*.yaml") if not path.stem.endswith("_coarse"))
 NAMES = ("elastic_force", "stiffness", "damping", "external_force", "mass", "coriolis", "inverse_dynamics",
          "forward_dynamics", "motion_residual", "motion_tangents", "power", "momentum", "actuation",
          "actuator_lengths", "static_residual", "static_tangent", "statics", "energy")  # fmt: skip
@@ -114,7 +114,7 @@ def finger():
 
 @cache
 def shortened(name):
-    """A shipped robot with one section a rod, so that it compiles soon."""
+    """A shipped robot with one section a rod, so that it compiles soon; a coarse one is then that which it is of."""
     robot = so.load_robot(ROOT / f"configs/robots/{name}.yaml")
     segments = {
         key: replace(s, sections=1, rest=None) if isinstance(s, Rod) else s
@@ -180,7 +180,8 @@ def test_every_function_gives_the_virtual_machine_s_numbers(robot):
 
 @needs_compiler
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_robots_give_the_virtual_machine_s_numbers(name):
+def test_shipped_robots_give_the_virtual_machine_s_numbers(name, monkeypatch):
+    monkeypatch.setattr(compiled, "OPTIMISED_UP_TO", 0)  # functions of all kinds are optimised in the test before
     robot = shortened(name)
     for key in ("inverse_dynamics", "statics"):
         plain, c = getattr(robot.functions(), key), getattr(robot.functions(compiled=True), key)

@@ -1,5 +1,6 @@
 """What is looked at between the points and between the stations, and what a plan's verdict may not depend on."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -36,18 +37,23 @@ def nearest(result, center):
     return min(found)
 
 
+@cache
+def passing(radius):
+    """The plan past a ball."""
+    return so.solve(asked(obstacles=ball(radius)))
+
+
 def test_what_is_stored_does_not_change_the_verdict_on_obstacles():
-    rows = [so.solve(asked(obstacles=ball(0.05), outputs=outputs)) for outputs in (None, {"every": 1.5})]
+    rows = passing(0.05), so.solve(asked(obstacles=ball(0.05), outputs={"every": 1.5}))
     assert rows[0].status.outcome == rows[1].status.outcome
     assert rows[0].values["clearance.post"] == rows[1].values["clearance.post"]
 
 
 @pytest.mark.parametrize("radius", [0.015, 0.05])
 def test_a_link_does_not_pass_through_a_small_ball(radius):
-    obstacles = ball(radius)
-    result = so.solve(asked(obstacles=obstacles))
+    result = passing(radius)
     allowed = radius - 2e-3 * result.question.robot.length
-    assert not result.status.solved or nearest(result, obstacles["post"]["center"]) > allowed
+    assert not result.status.solved or nearest(result, ball(radius)["post"]["center"]) > allowed
 
 
 def test_a_weighted_direction_is_not_met_by_its_opposite():

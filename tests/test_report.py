@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import robots
+from printed import words
 from rich.console import Console
 
 from socontrol.mechanics.actuators import Chamber, JointTorque
@@ -69,12 +70,6 @@ def rigid():
     robot = Robot(Description(segments={"arm": arm}, actuators={"motor": JointTorque(joint="arm", limits=(-1.0, 1.0))}))
     loads = {"tip": Wrench(on="arm", force=(0.0, 0.0, -1.0))}
     return Statics(robot=robot, name="lever", loads=loads, coordinates={"arm": 0.3}).solve()
-
-
-def words(result, verbose=0, **look):
-    console = Console(width=80, record=True, file=open("/dev/null", "w"), **look)  # noqa: SIM115
-    text.render(result, console, verbose)
-    return console.export_text(styles=False)
 
 
 def test_a_solved_result_reads_in_engineering_units(solved):

@@ -102,28 +102,35 @@ def generate(question, target):
     return Generated(target, names[0], json.loads((target / "manifest.json").read_text()))
 
 
+@pytest.fixture(scope="module")
+def generated(tmp_path_factory):
+    """A maker of folders of the table, each written once."""
+    return cache(lambda question: generate(question, tmp_path_factory.mktemp(question) / "c"))
+
+
 @pytest.fixture(scope="module", params=QUESTIONS)
-def folder(request, tmp_path_factory):
+def folder(request, generated):
     """Each folder of the table."""
-    return generate(request.param, tmp_path_factory.mktemp(request.param) / "c")
+    return generated(request.param)
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
+def arm(generated):
     """The smallest folder, for what is tried many times."""
-    return generate("arm", tmp_path_factory.mktemp("arm") / "c")
+    return generated("arm")
 
 
 @pytest.fixture(scope="module", params=["arm", "arm_reach"])
-def small(request, tmp_path_factory):
+def small(request, generated):
     """Functions, and a solver, that compile at once: for what is tried at every level."""
-    return generate(request.param, tmp_path_factory.mktemp(request.param) / "c")
+    return generated(request.param)
 
 
 @cache
-def library(compiler, source):
-    """Object file of a generated source at -O1, compiled once."""
-    return host.compile_only(compiler, source, source.parent.parent / f"{source.stem}-{compiler}.o", ("-O1",))
+def library(compiler, source, level="-O1"):
+    """Object file of a generated source, compiled once; gcc writes its call graph beside it."""
+    flags = (level, host.GRAPH) if compiler == "gcc" else (level,)
+    return host.compile_only(compiler, source, source.parent.parent / f"{source.stem}-{compiler}{level}.o", flags)
 
 
 # Compilers
@@ -132,8 +139,8 @@ def library(compiler, source):
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_the_self_test_passes_at_every_level_of_every_compiler(small, tmp_path, compiler, level):
     need(compiler)
-    target = host.compile_only(compiler, small.source, tmp_path / "library.o", (level,))
-    must(host.build(compiler, small.path, ["selftest.c", target], tmp_path / "selftest"))
+    files = ["selftest.c", library(compiler, small.source, level)]
+    must(host.build(compiler, small.path, files, tmp_path / "selftest"))
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
@@ -219,7 +226,8 @@ def test_sanitizers_find_nothing(small, tmp_path, compiler, checks):
 
 def test_valgrind_finds_nothing_and_the_heap_holds_the_output_buffer_alone(small, tmp_path):
     need("gcc", "valgrind")
-    assert host.heap_allocations(host.build("gcc", small.path, small.selftest, tmp_path / "selftest", ("-O1",))) <= 1
+    files = ["selftest.c", library("gcc", small.source)]
+    assert host.heap_allocations(host.build("gcc", small.path, files, tmp_path / "selftest")) <= 1
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
@@ -232,9 +240,9 @@ def test_the_object_needs_the_mathematics_library_alone(folder, compiler):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_the_stack_is_bounded_by_the_manifest(small, tmp_path, level):
+def test_the_stack_is_bounded_by_the_manifest(small, level):
     need("gcc")
-    assert max(host.stack("gcc", small.source, tmp_path, (level,)).values()) <= small.manifest["stack_bytes"]
+    assert max(host.stack(library("gcc", small.source, level)).values()) <= small.manifest["stack_bytes"]
 
 
 # A Cortex-M7 without an operating system
@@ -266,7 +274,7 @@ def test_the_example_prints_the_same_numbers_on_both_machines(arm, tmp_path):
     need("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
     sources = [arm.source.name, "main.c"]
     code, output, _ = cortex_m7.run(arm.path, sources)
-    here = must(host.build("gcc", arm.path, sources, tmp_path / "example"))
+    here = must(host.build("gcc", arm.path, ["main.c", library("gcc", arm.source)], tmp_path / "example"))
     assert code == 0 and numbers(output) == pytest.approx(numbers(here), rel=1e-12, abs=1e-15)
     assert 0.16 in [round(value, 12) for value in numbers(here)], "the straight arm is 0.16 m long"
 
@@ -276,9 +284,9 @@ def numbers(text):
     return [float(word) for word in re.findall(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", text)]
 
 
-def test_single_precision_calls_nothing_of_double_precision(tmp_path):
+def test_single_precision_calls_nothing_of_double_precision(generated, tmp_path):
     need("arm-none-eabi-gcc")
-    single = generate("arm_float", tmp_path / "c")
+    single = generated("arm_float")
     flags = ("-O1", "-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-sp-d16", "-mfloat-abi=hard")  # doubles would be emulated
     names = host.symbols(host.compile_only("arm-none-eabi-gcc", single.source, tmp_path / "library.o", flags), "-u")
     assert names and all(name.endswith("f") or name.startswith("mem") for name in names), names
@@ -286,7 +294,8 @@ def test_single_precision_calls_nothing_of_double_precision(tmp_path):
 
 def test_calls_on_the_cortex_m7_stay_within_the_bound_of_its_stack(arm, tmp_path):
     need("arm-none-eabi-gcc", "qemu-system-arm")
-    bound = host.stack("arm-none-eabi-gcc", arm.source, tmp_path, ("-O1", *cortex_m7.CPU))
+    flags = ("-O1", host.GRAPH, *cortex_m7.CPU)
+    bound = host.stack(host.compile_only("arm-none-eabi-gcc", arm.source, tmp_path / "library.o", flags))
     measured = cortex_m7.measure(arm.path, arm.source.name)
     assert measured.keys() == bound.keys()
     for name, figures in measured.items():

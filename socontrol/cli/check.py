@@ -61,6 +61,7 @@ def kind_of(data):
 
 def _robot(robot):
     parts = [(len(robot.segments), "segment"), (robot.n, "coordinate"), (robot.m, "input")]
+    parts += [(len(robot.loops), "loop")] * bool(robot.loops)
     return f"robot {robot.name}: " + ", ".join(f"{count} {noun}{'s' * (count != 1)}" for count, noun in parts)
 
 

@@ -66,7 +66,7 @@ KINDS = {
     ),
 }  # fmt: skip
 ALIASES = {"statics_residual": "static_residual"}
-CHAINED = ("inverse_dynamics", "forward_dynamics")
+CHAINED = ("inverse_dynamics", "forward_dynamics", "loop_force")
 
 
 @dataclass(frozen=True)

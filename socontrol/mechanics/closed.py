@@ -21,17 +21,29 @@ def accelerations(robot, kin, force, A, bias, units):
 
     Raises ValueError for a coordinate that neither a mass nor a loop feels.
     """
+    N, A, mass, scale = augmented(robot, kin, A, units)
+    qdd, lam = answer(N, A, mass, force, bias * scale)
+    return qdd, lam * scale
+
+
+def augmented(robot, kin, A, units):
+    """(N [n x n], rows [k x n] in metres, m, what the rows [k] were multiplied by); raises as `accelerations`."""
     scale = ca.DM([robot.length if unit == "rad" else 1.0 for unit in units])
-    A, bias = A * ca.repmat(scale, 1, robot.n), bias * scale
+    A = A * ca.repmat(scale, 1, robot.n)
     mass = sum((composite.own_inertia(piece, kin.q).bb[5, 5] for piece in robot.tree.pieces), ca.SX(0))
     N = ca.SX(composite.mass(robot, kin) + mass * A.T @ A)
     for name, entry in zip(robot.coordinates, ca.vertsplit(ca.diag(N)), strict=True):
         if entry.is_zero():
             raise ValueError(f"nothing that has mass moves with '{name}'; give what it moves a body with mass")
+    return N, A, mass, scale
+
+
+def answer(N, A, mass, force, bias):
+    """qdd [n] and lam [k], rows in metres."""
     moved = articulated.spd_solve(N, ca.horzcat(A.T, force - mass * A.T @ bias))
     gives, free = moved[:, :-1], moved[:, -1]
     G, wanted, lam = A @ gives, -(A @ free + bias), ca.DM(A.rows(), 1)
     L, D = articulated.ldl(G + REGULAR / mass * ca.DM.eye(A.rows()))
     for _ in range(REFINED):
         lam += articulated.backward(L, articulated.forward(L, wanted - G @ lam) / D)
-    return free + gives @ lam, lam * scale
+    return free + gives @ lam, lam

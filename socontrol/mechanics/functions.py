@@ -190,13 +190,20 @@ class Functions:
             return self._function(
                 name, arguments, lambda: compute(self.robot, *symbols, lambda q, qd: self._unmoved(gravity), gravity)
             )
+
+        def linked(*symbols):
+            still = ca.Function("still", [self._q, self._qd], [ca.densify(ca.SX(self._unmoved(gravity)))])
+            return compute(self.robot, *symbols, still, gravity)
+
+        return self._linked(name, arguments, linked)
+
+    def _linked(self, name, arguments, compute):
+        """Function of compute(*symbols), in MX: a chain of calls."""
         if name not in self._made:
             if self.parameters:
                 raise ValueError("chained functions take no parameters; leave `chained` or `parameters` out")
             symbols = [ca.MX.sym(a, getattr(self, f"_{a}").numel()) for a in arguments]
-            still = ca.Function("still", [self._q, self._qd], [ca.densify(ca.SX(self._unmoved(gravity)))])
-            results = [compute(self.robot, *symbols, still, gravity)]
-            function = ca.Function(name, symbols, results, list(arguments), ["out"])
+            function = ca.Function(name, symbols, [compute(*symbols)], list(arguments), ["out"])
             self._made[name] = RobotFunction(function, self._turning)
         return self._made[name]
 
@@ -210,9 +217,11 @@ class Functions:
     def floating_inverse_dynamics(self):
         """Accelerations of a free base's coordinates [6] and the forces of all others [n - 6], no wrench on the base.
 
-        (q, qd, qdd_joints [n - 6]). Raises ValueError unless one free joint carries the robot.
+        (q, qd, qdd_joints [n - 6]). Raises ValueError unless one free joint carries the robot, and with loops, whose
+        forces no accelerations decide.
         """
         floating.base_piece(self.robot.tree)
+        self._refuse_loops("floating_inverse_dynamics", "use forward_dynamics")
 
         def answers():
             other = self._unmoved(None)
@@ -225,7 +234,7 @@ class Functions:
     def forward_dynamics(self):
         """qdd [n] by articulated bodies; loops stay closed, by least multipliers (q, qd, u)."""
         if self.robot.loops:
-            return self._function("forward_dynamics", ("q", "qd", "u"), lambda: self._closed[0])
+            return self._of_closed("forward_dynamics", 0)
 
         def answer(robot, q, qd, u, still, gravity):
             return articulated.accelerations(robot, q, qd, self._driving(q, qd, u) - still(q, qd), gravity)
@@ -245,6 +254,30 @@ class Functions:
         force = self._driven.actuation() @ self._u - missing - self._unmoved(gravity)
         rows = self._loops.jacobian(), self._turned_rows(), self._loops.units
         return closed.accelerations(self.robot, self._kin, force, *rows)
+
+    def _of_closed(self, name, k):
+        """Function of the k-th of what `_closed` gives (q, qd, u)."""
+        arguments = ("q", "qd", "u")
+        if not self.chained:
+            return self._function(name, arguments, lambda: self._closed[k])
+        return self._linked(name, arguments, lambda *symbols: self._closed_links(*symbols)[k])
+
+    def _closed_links(self, q, qd, u):
+        """qdd [n] and multipliers [k] as calls: of inverse dynamics, of masses and rows, and of what solves."""
+        masses, solved, scale = self._closed_blocks
+        force = self._driving(q, qd, u) - self.inverse_dynamics.function(q, qd, ca.DM.zeros(self.robot.n))
+        qdd, lam = solved(*masses(q), force, self.loop_bias.function(q, qd) * scale)
+        return qdd, lam * scale
+
+    @cached_property
+    def _closed_blocks(self):
+        """Functions (q) -> masses and rows, and (those, force, bias) -> answer; what the rows are multiplied by."""
+        N, A, mass, scale = closed.augmented(self.robot, self._kin, self._loops.jacobian(), self._loops.units)
+        given = [ca.sparsify(ca.SX(x)) for x in (N, A, mass)]  # zeros save most of the answer of a planar robot
+        symbols = [ca.SX.sym(name, x.sparsity()) for name, x in zip(("N", "A", "m"), given, strict=True)]
+        symbols += [ca.SX.sym("force", self.robot.n), ca.SX.sym("bias", A.rows())]
+        masses = ca.Function("masses_and_rows", [self._q], ca.cse(given))
+        return masses, ca.Function("closed_answer", symbols, ca.cse(list(closed.answer(*symbols)))), scale
 
     def _turned_rows(self):
         return ca.jtimes(self._loops.jacobian() @ self._qd, self._q, self._qd)
@@ -267,16 +300,28 @@ class Functions:
     @property
     def loop_force(self):
         """Multipliers [k] of the loops in motion, the least where rows depend on each other; N and N m (q, qd, u)."""
-        return self._function("loop_force", ("q", "qd", "u"), lambda: self._closed[1])
+        return self._of_closed("loop_force", 1)
+
+    @property
+    def loop_rows(self):
+        """e [k] and its derivative E [k x n]; E is A where e = 0 (q)."""
+        return self._function("loop_rows", "q", lambda: [self._loops.error(), self._loops.slope()], ["error", "slope"])
+
+    @property
+    def loop_motion(self):
+        """e [k], A [k x n] and A' qd [k] of all loops in one Function (q, qd)."""
+
+        def rows():
+            return [self._loops.error(), self._loops.jacobian(), self._turned_rows()]
+
+        return self._function("loop_motion", ("q", "qd"), rows, ["error", "jacobian", "bias"])
 
     @property
     def closing(self):
         """e [k], its derivative E [k x n], and d(E^T lam)/dq [n x n]; E is A where e = 0 (q, lam)."""
 
         def rows():
-            e = ca.densify(ca.SX(self._loops.error()))
-            E = ca.jacobian(e, self._q)
-            return [e, E, ca.hessian(ca.dot(self._lam, e), self._q)[0]]
+            return [self._loops.error(), self._loops.slope(), self._loops.turning(self._lam)]
 
         return self._function("closing", ("q", "lam"), rows, ["error", "slope", "turning"])
 
@@ -392,12 +437,25 @@ class Functions:
         return self._function("energy", ("q", "qd"), energies)
 
     def internal_wrench(self, segment, X):
-        """Elastic wrench [moment; force] at X of a rod that equilibrium asks for, body frame (q, u)."""
+        """Elastic wrench [moment; force] at X of a rod that equilibrium asks for, body frame (q, u).
+
+        Raises ValueError with loops.
+        """
+        self._refuse_loops("internal_wrench", "what they bear is in the answer of statics (`loops.NAME`)")
         return self._at("internal_wrench", segment, X, "qu", lambda: internal.wrench(self._statics, segment, X))
 
     def reaction(self, segment):
-        """Wrench [6] on a segment from what carries it, structure and cables together, at its base, base frame (q)."""
+        """Wrench [6] on a segment from what carries it, structure and cables together, at its base, base frame (q).
+
+        Raises ValueError with loops.
+        """
+        self._refuse_loops("reaction", "the answer of statics has it (`reaction.NAME`)")
         return self._at("reaction", segment, 0, "q", lambda: internal.reaction(self._statics, segment))
+
+    def _refuse_loops(self, name, instead):
+        """Raise ValueError where loops push, too, with forces that the arguments do not hold."""
+        if self.robot.loops:
+            raise ValueError(f"{name} does not know what loops bear ({', '.join(self.robot.loops)}): {instead}")
 
     def screw(self, segment, section=0):
         """Function of numeric q that gives pitch, axis and magnitude of a section's or joint's screw."""

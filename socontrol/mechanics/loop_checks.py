@@ -39,10 +39,10 @@ def refuse_alike(loops, tree):
         seen.append((name, loop))
 
 
-def refuse_rigid(loops, tree, closing):
+def refuse_rigid(loops, tree, rows_of):
     """Raise Bad naming the loop that takes the last freedom.
 
-    closing: Function (q, lam) -> e, de/dq, ... Where loops close is looked for only if they leave nothing elsewhere:
+    rows_of: Function (q) -> e, de/dq. Where loops close is looked for only if they leave nothing elsewhere:
     special sizes (planar chains apart) can move where general ones cannot.
     """
     units, rng = [unit for loop in loops.values() for unit in loop.units], np.random.default_rng(1)
@@ -50,7 +50,7 @@ def refuse_rigid(loops, tree, closing):
     sizes = np.array([{"1/m": 0.5 / length, "1": 0.05}.get(unit, 0.5) for unit in tree.units])
 
     def rows(q):
-        e, E, _ = closing(q, np.zeros(len(units)))
+        e, E = rows_of(q)
         return np.array(e).ravel(), np.array(E)
 
     def stiff(E):

@@ -10,12 +10,14 @@ frame.
 Source: F. Renda, L. Seneviratne, ICRA 2018.
 """
 
+from functools import cached_property
 from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
 
 from socontrol.lie import se3, so3
+from socontrol.mechanics.loop_slopes import Slopes, turning
 from socontrol.model import joints
 from socontrol.model.bodies import Placement
 from socontrol.quantities import Axis, Bad, Fraction, MetrePerRadian, OneOf, nearest, record
@@ -259,6 +261,19 @@ class Loops:
                 for loop, g in ((loop, self.relative(name)) for name, loop in self.loops.items())]  # fmt: skip
         return ca.vertcat(*rows) if rows else ca.DM(0, 1)
 
+    def slope(self):
+        """E(q) = de/dq [k x n] of all loops."""
+        rows = [slopes.E for slopes in self._slopes]
+        return ca.vertcat(*rows) if rows else ca.DM(0, self.kin.tree.n)
+
+    def turning(self, lam):
+        """d(E^T lam)/dq [n x n]."""
+        return turning(self.kin, self._slopes, [lam[own] for own in slices(self.loops).values()])
+
+    @cached_property
+    def _slopes(self):
+        return [Slopes(loop, self.kin, self._frames[name]) for name, loop in self.loops.items()]
+
     def jacobian(self):
         """A(q) of all loops: A qd = 0 is what closed loops leave."""
         rows = []
@@ -286,6 +301,21 @@ def independent(rows, units, size):
     U, s, Vt = np.linalg.svd(scaled)
     rank = int(np.sum(s > DEPENDENT * np.max(s, initial=0.0)))
     return rank, Vt, U[:, :rank] / s[:rank]
+
+
+def chosen(rows, units, size):
+    """Indices, rising, of rows [k x n] that hold what all of them hold and do not depend on each other.
+
+    The row farthest from those taken before is taken next; those in m count over `size`. As many as `independent` says.
+    """
+    left, found = rows / np.where(np.array(units, dtype=object) == "rad", 1.0, size)[:, None], []
+    for _ in range(independent(rows, units, size)[0]):
+        distance = np.linalg.norm(left, axis=1)
+        distance[found] = 0.0
+        found.append(int(np.argmax(distance)))
+        along = left[found[-1]] / distance[found[-1]]
+        left = left - np.outer(left @ along, along)
+    return np.array(sorted(found), dtype=int)
 
 
 LOOPS = {

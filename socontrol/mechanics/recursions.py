@@ -40,6 +40,12 @@ def carried(kin, loads):
             fields[load.piece].append(load)
         else:
             places[load.piece][load.x].add(*load.wrench(kin))
+    return gathered(kin, places, fields)
+
+
+def gathered(kin, places, fields):
+    """Places and fields of each piece, with what the pieces on it carry added where they stand."""
+    tree = kin.tree
     for i in reversed(range(len(tree.pieces))):
         piece, total = tree.pieces[i], Carried()
         for here in places[i].values():

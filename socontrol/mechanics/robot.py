@@ -24,6 +24,7 @@ from socontrol.quantities import Acceleration, Bad, OneOf, nearest, record, show
 RESERVED = {  # the first words of names in results
     "world", "inputs", "coordinates", "lengths", "motors", "volumes", "tension_end", "energy", "stability", "holding",
     "reaction", "short", "compliance", "rates", "length_rates", "replay", "ellipsoid", "loops",
+    "critical", "critical_load", "branch",
 }  # fmt: skip
 SEGMENTS = {"rod": Rod, **JOINTS}
 Segment = Annotated[Any, OneOf(SEGMENTS, what="segment")]
@@ -129,7 +130,7 @@ class Robot:
         """Raise Bad, pointing at the key, when segments, loads and actuators do not fit together."""
         refuse_alike(self.loops, self.tree)
         if self.loops:
-            refuse_rigid(self.loops, self.tree, self.functions(compiled=False).closing.function)
+            refuse_rigid(self.loops, self.tree, self.functions(compiled=False).loop_rows.function)
         return self.n, self.loads, self.lines
 
     @property

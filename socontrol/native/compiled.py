@@ -53,6 +53,9 @@ class CompiledFunctions(Functions):
     def _moving(self, name, *how):
         return self._in_c(super()._moving(name, *how) if self._links is None else getattr(self._links, name))
 
+    def _of_closed(self, name, k):
+        return self._in_c(super()._of_closed(name, k) if self._links is None else getattr(self._links, name))
+
     @cached_property
     def _links(self):
         """Functions as one call a section, where that is better; else None."""

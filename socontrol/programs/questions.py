@@ -8,6 +8,7 @@ from socontrol.native.compiler import CompilerWarning, watched
 from socontrol.programs.motions.integrators import Cvodes
 from socontrol.programs.motions.simulation import Simulation
 from socontrol.programs.plans.trajectory import Trajectory
+from socontrol.programs.postures.continuation import Continuation
 from socontrol.programs.postures.ellipsoids import Ellipsoids
 from socontrol.programs.postures.fit import Fit
 from socontrol.programs.postures.inverse_statics import InverseStatics
@@ -23,6 +24,7 @@ QUESTIONS = {
     "tensions": Tensions,
     "fit": Fit,
     "ellipsoids": Ellipsoids,
+    "continuation": Continuation,
 }
 SOLVERS = {name: solver for question in QUESTIONS.values() for name, solver in question.solvers.items()}
 Solver = Annotated[Any, OneOf(SOLVERS, what="solver")]

@@ -30,6 +30,8 @@ class View:
 class Motion:
     """The recorded motion of the result of a simulation or of a plan."""
 
+    quantity = "time [s]"  # of t
+
     def __init__(self, result):
         self.result, self.robot = result, result.question.loaded
         self.t, self.q = np.asarray(result.arrays["t"]), np.asarray(result.arrays["q"])

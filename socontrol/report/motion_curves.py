@@ -79,7 +79,8 @@ def histories_figure(result):
     if not any(np.ptp(u[:, k]) > 0 for k in used) and not driven and not given:
         return None
     kinds = list(dict.fromkeys(robot.coordinate_units[i] for i in driven))
-    rows = len(units) + len(kinds) + bool(given)
+    motors = _motor_forces(result)
+    rows = len(units) + len(kinds) + len(motors) + bool(given)
     figure = style.new_figure(9.4, max(4.2, 0.9 + 1.7 * rows))
     left, right = figure.subfigures(1, 2, width_ratios=[1.15, 1])
     axes = np.ravel(left.subplots(rows, 1, sharex=True, squeeze=False))
@@ -89,6 +90,8 @@ def histories_figure(result):
     for ax, unit in zip(axes[len(units) :], kinds, strict=False):
         curves = {robot.coordinates[i]: motion.q[:, i] for i in driven if robot.coordinate_units[i] == unit}
         _curves(ax, motion, curves, unit, f"driven {QUANTITY.get(unit, '')}".strip())
+    for ax, (unit, curves) in zip(axes[len(units) + len(kinds) :], motors.items(), strict=False):
+        _curves(ax, motion, curves, unit, f"motor {QUANTITY.get(unit, 'force')}")
     if given:
         _curves(axes[-1], motion, given, "m", "length", level=False)
     axes[-1].set_xlabel("time [s]")
@@ -97,6 +100,16 @@ def histories_figure(result):
     still = f"; inputs zero throughout: {', '.join(idle[:8])}{' ...' if len(idle) > 8 else ''}" if idle else ""
     style.title(figure, f"{result.name}: inputs and ends{motion.ending()}{still}")
     return figure
+
+
+def _motor_forces(result):
+    """{unit: {coordinate: force [k]}} of the motors that move driven joints; those of strains are left out."""
+    robot, found = result.question.robot, {}
+    for i in result.question.driven:
+        name, unit = robot.coordinates[i], {"rad": "N m", "m": "N"}.get(robot.coordinate_units[i])
+        if unit and f"holding.{name}" in result.arrays:
+            found.setdefault(unit, {})[name] = np.asarray(result.arrays[f"holding.{name}"])
+    return found
 
 
 def _given_lengths(result):

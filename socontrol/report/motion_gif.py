@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from socontrol.report import style
+from socontrol.report import loop_scene, style
 from socontrol.report.motion import Motion
 from socontrol.report.motion_shapes import add_posture, extent, flat, frame_of
 from socontrol.report.obstacle_shapes import add_obstacles
@@ -115,7 +115,9 @@ def frame(motion, k, whole, speed):
     """Figure of one output, in the limits of the scene `whole`."""
     scene = Scene(up=motion.up, unit=whole.unit)
     add_plates(scene, motion.posed(0), 1)
-    add_posture(scene, motion.posed(k), BODY, 3, corners=CORNERS)
+    posed = motion.posed(k)
+    add_posture(scene, posed, BODY, 3, corners=CORNERS)
+    loop_scene.add_loops(scene, posed, motion.robot.length)
     for name in motion.tips:
         scene.stroke(motion.track(name)[: k + 1], style.MISS, width=0.8, layer=9)
     add_obstacles(scene, motion, 10)

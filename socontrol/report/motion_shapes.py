@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from socontrol.report import style
+from socontrol.report import loop_scene, style
 from socontrol.report.motion import Motion, time_colours
 from socontrol.report.obstacle_shapes import add_obstacles
 from socontrol.report.portrait import add_plates, add_robot
@@ -45,6 +45,7 @@ def composed(motion):
         track = motion.track(name)[motion.thinned()]
         if np.max(np.ptp(track, axis=0)) > 1e-6 * motion.robot.length:
             scene.stroke(track, style.INK, width=0.7, layer=top)
+    loop_scene.add_loops(scene, motion.posed(motion.overlaid[-1]), motion.robot.length, top)
     add_obstacles(scene, motion, top)
     scene.settle_unit()
     return scene, colours
@@ -158,5 +159,5 @@ def _time_bar(figure, place, motion, colours):
     bar.ax.set_label("time")
     bar.set_ticks(np.arange(count) + 0.5, labels=[number(x, 3) for x in times])
     bar.ax.tick_params(which="both", length=0)
-    bar.set_label("time [s]")
+    bar.set_label(motion.quantity)
     bar.outline.set_linewidth(0.4)

@@ -4,7 +4,9 @@ import numpy as np
 from rich.text import Text
 
 from socontrol.programs.result import Value
+from socontrol.quantities import joined
 from socontrol.report.columns import columns, line, say
+from socontrol.report.loop_text import loops
 from socontrol.report.said import counted, discretisation, duration, headline, in_units, segments_of, tips_of
 from socontrol.report.tension_text import of_simulation
 from socontrol.report.units import fixed, number, readable, with_unit
@@ -37,6 +39,7 @@ def render(result, console, verbose=0):
     _joints(result, console)
     of_simulation(result, console)
     _energies(result, console)
+    _loops(result, console)
     _trust(result, console)
     if verbose > 1 and result.question is not None:
         _coordinates(result, console)
@@ -147,10 +150,53 @@ def _trust(result, console):
     if driven:
         names = sorted(driven)
         some = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-        say(console, "driven", f"{some}: moved as given, by motors whose work is counted")
+        say(console, "driven", f"{some}: moved as given, by motors whose work is counted{_motors(result, names)}")
     if "discretisation" in result.details:
         discretisation(result, console, "motion")
     line(console, "")
+
+
+def _loops(result, console):
+    """What loops bear at the end, how far they drifted, how they were closed, and where forces have no bound."""
+    if "loops" not in result.residuals:
+        return
+    loops(result, console)
+    rate = result.residuals["loops.rate"].value
+    say(console, "", f"At all outputs their ends part by {rate:.1e} m/s or rad/s at the most.")
+    moved = result.details.get("start") or {}
+    if moved:
+        say(console, "start", f"loops closed by moving {_moved(result, moved)}")
+    times = result.details.get("singular") or []
+    if times:
+        some = ", ".join(number(t) for t in times[:5]) + (f" and {len(times) - 5} more" if len(times) > 5 else "")
+        say(console, "dead points", f"at {some} s: there rows of loops depend on each other, and the forces of loops "
+            "can grow without bound", "bold yellow")  # fmt: skip
+
+
+def _moved(result, moved):
+    """`coupler by -11.2 deg and rocker by 67.9 deg`; strains of rods by rod."""
+    robot, told, rods = result.question.robot, [], {}
+    units = dict(zip(robot.coordinates, robot.coordinate_units, strict=True))
+    for name, change in moved.items():
+        rod = next((s for s in robot.segments if name.startswith(f"{s}.") and units[name] in ("1/m", "1")), None)
+        if rod is None:
+            told.append(f"{name} by {with_unit(change, units[name], 3)}")
+        else:
+            rods.setdefault(rod, []).append(name)
+    return joined([*told, *(f"{counted(len(own), 'strain')} of {rod}" for rod, own in rods.items())], "and")
+
+
+def _motors(result, names):
+    """`; crank asks for -5.5 N m at the end, 6.4 N m at the most` of joints that are driven, three at the most."""
+    units, told = {"rad": "N m", "m": "N"}, []
+    robot = result.question.robot
+    for name in names[:3]:
+        unit, force = units.get(robot.coordinate_units[robot.coordinates.index(name)]), f"holding.{name}"
+        if unit and force in result.arrays:
+            most = float(np.max(np.abs(result.arrays[force])))
+            told.append(f"{name} asks for {with_unit(result[force], unit, 3)} at the end, {with_unit(most, unit, 3)} at"
+                        " the most")  # fmt: skip
+    return "; " + joined(told, "and") if told else ""
 
 
 def _share(x):
@@ -159,10 +205,12 @@ def _share(x):
 
 
 def _floats(result):
-    """Whether every root of the robot is free: then momentum changes by the recorded impulse alone."""
+    """Whether the robot's roots are free, and no loop holds it to the world: the recorded impulse is then all."""
     if result.question is None or "momentum" not in result.arrays:
         return False
-    return all(p.size == 6 and not p.is_rod for p in result.question.robot.tree.pieces if p.parent is None)
+    robot = result.question.robot
+    held = any("world" in (loop.a.segment, loop.b.segment) for loop in robot.loops.values())
+    return not held and all(p.size == 6 and not p.is_rod for p in robot.tree.pieces if p.parent is None)
 
 
 def _momentum(result, console):

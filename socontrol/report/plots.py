@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from socontrol.report import shapes, style
+from socontrol.report.branch_curves import branches_figure
+from socontrol.report.branch_shapes import branch_shapes_figure
 from socontrol.report.fits import fit_figure
 from socontrol.report.motion_coordinates import coordinates_figure
 from socontrol.report.motion_curves import energies_figure, histories_figure
+from socontrol.report.motion_loops import loops_figure
 from socontrol.report.motion_shapes import shapes_figure
 from socontrol.report.plan_paths import path_figure as plan_path_figure
 from socontrol.report.plan_strips import leaves_out, strips_figure
@@ -45,6 +48,8 @@ def _figures(result):
     """{name: function} of what is drawn of a result."""
     if result.type == "trajectory":
         return PLAN_FIGURES
+    if result.type == "continuation":
+        return BRANCH_FIGURES
     return TENSION_FIGURES.get(kind_of(result), FIGURES)
 
 
@@ -230,7 +235,9 @@ FIGURES = {
     "coordinates": coordinates_figure,
     "energies": energies_figure,
     "histories": histories_figure,
+    "loops": loops_figure,
 }
+BRANCH_FIGURES = {"branches": branches_figure, "shapes": branch_shapes_figure}
 PLAN_FIGURES = {
     "strips": strips_figure,
     "path": plan_path_figure,

@@ -5,7 +5,7 @@ import numpy as np
 from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.model.rods import Rod
 from socontrol.programs.postures.goals import AxisDirection, Path, Point, Pose, Shape
-from socontrol.report import shapes, style
+from socontrol.report import loop_scene, shapes, style
 from socontrol.report.ellipsoid_scene import add_ellipsoids
 from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project
 from socontrol.report.tension_cables import add_lines
@@ -22,12 +22,13 @@ def robot_figure(result):
         return None
     posed = shapes.Posed(question.loaded, q)
     scene = Scene(up=_up(question.robot))
-    _add_before(scene, result, posed)
+    before = _add_before(scene, result, posed)
     add_robot(scene, posed, style.SOFT, 2)
     scale, slack_ones = add_lines(scene, result, posed, _size(scene))
     size = _size(scene)
-    legend = slack_ones + _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
-    legend += add_ellipsoids(scene, result, posed, size)
+    legend = [*before, (_patch(style.SOFT, "#888888"), _solved_as(result, _on_path(result))), *slack_ones]
+    legend += _add_goals(scene, result, posed, size) + _add_loads(scene, posed, size)
+    legend += add_ellipsoids(scene, result, posed, size) + loop_scene.add_loops(scene, posed, size)
     for name in shapes.ends(question.robot):
         scene.triad(posed.place(name), 0.11 * size)
     scene.settle_unit()
@@ -72,19 +73,30 @@ def add_plates(scene, posed, layer):
 
 
 def _add_before(scene, result, posed):
-    """The unloaded shape, or for a path the robot at several of its waypoints."""
+    """The unloaded shape where its loops are closed, or for a path the robot at several of its waypoints; legend
+    entries [(handle, text)]."""
     robot, path = result.question.loaded, result.arrays.get("path.q")
     if path is not None and len(path) > 1:
         last = len(path) - 1
         steps = np.unique(np.round(np.linspace(0, last, POSES + 1)).astype(int))[:-1]
         for k in steps:
             add_robot(scene, shapes.Posed(robot, path[k]), style.GHOST, 1, pale=True)
-        return
+        return [(_patch(style.GHOST, "#b9c1c9"), "at other waypoints")]
     q = shapes.unloaded(robot)
     for name, value in (result.question.coordinates or {}).items():
         k = robot.coordinates.index(name)
         q[k] = posed.q[k] if value is not None else q[k]
-    add_robot(scene, shapes.Posed(robot, q), style.GHOST, 1, pale=True)
+    ghost = shapes.Posed(robot, q)
+    if not loop_scene.closed(robot, ghost):
+        return []
+    add_robot(scene, ghost, style.GHOST, 1, pale=True)
+    return [(_patch(style.GHOST, "#b9c1c9"), "unloaded")]
+
+
+def _patch(colour, edge):
+    from matplotlib.patches import Patch
+
+    return Patch(fc=colour, ec=edge, lw=0.6)
 
 
 def _add_goals(scene, result, posed, size):
@@ -226,7 +238,7 @@ def _composed(scene, result, posed, scale, legend):
     paint(space, scene, _azimuth(scene, posed), 18.0)
     if scale is not None:
         _add_scale(left, left.add_axes([0.2, 0.1, 0.6, 0.022], label="scale"), scale)
-    _add_legend(right, result, legend)
+    _add_legend(right, legend)
     style.title(figure, f"{result.name}: {_title(result)}")
     box, foot = left.bbox, 0.17 if scale is not None else 0.02
     fit(figure, space, (0.02 * box.width, foot * box.height, 0.96 * box.width, (0.93 - foot) * box.height))
@@ -274,17 +286,13 @@ def _add_scale(figure, ax, scale):
     bar.outline.set_linewidth(0.4)
 
 
-def _add_legend(figure, result, entries):
+def _add_legend(figure, entries):
     from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
-    on_path = "path.q" in result.arrays and len(result.arrays["path.q"]) > 1
     frame = tuple(Line2D([], [], color=colour, lw=1.8) for colour in TRIAD)
     handles = [
-        (Patch(fc=style.GHOST, ec="#b9c1c9", lw=0.6), "at other waypoints" if on_path else "unloaded"),
-        (Patch(fc=style.SOFT, ec="#888888", lw=0.6), _solved_as(result, on_path)),
-        *entries[:12],
+        *entries[:14],
         (frame, "axes x, y, z of a frame"),
     ]
     widest = 0.4 + 0.058 * max(len(text) for _, text in handles)  # inches
@@ -305,6 +313,10 @@ def _title(result):
         return f"{count} waypoints solved, drawn at the last"
     shown = "nearest posture to the next" if result.status.outcome == "infeasible" else "drawn at the last solved"
     return f"{solved} of {count} waypoints solved, {shown}"
+
+
+def _on_path(result):
+    return "path.q" in result.arrays and len(result.arrays["path.q"]) > 1
 
 
 def _solved_as(result, on_path):

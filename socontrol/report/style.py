@@ -8,6 +8,7 @@ from socontrol.report.units import readable
 
 SOFT, GHOST, LINK, JOINT = "#b9d3e8", "#e2e2e2", "#aab2ba", "#5d6873"
 GOAL, MISS, BAR, LIMIT, INK = "#7B3294", "#D55E00", "#0072B2", "#222222", "#333333"
+LOOP = "#1d2733"  # where a loop closes
 GOALS = (GOAL, "#D6278A", "#1B7F8C", "#8C6D31")  # colours of several goals, none of them a frame's
 MARKERS = ("o", "s", "D", "^", "v", "P")
 LOADS = ("#111111", "#4F6D8F", "#6B4A2B")

@@ -3,7 +3,15 @@
 import numpy as np
 from rich.text import Text
 
-from socontrol.report import ellipsoid_text, fits, motion_text, plan_text, tension_motion_text, tension_text
+from socontrol.report import (
+    branch_text,
+    ellipsoid_text,
+    fits,
+    motion_text,
+    plan_text,
+    tension_motion_text,
+    tension_text,
+)
 from socontrol.report.columns import columns, line, say
 from socontrol.report.inputs_text import input_values, inputs_table
 from socontrol.report.loop_text import loops
@@ -13,7 +21,7 @@ from socontrol.report.tension_table import cables, slack_names, tells, tight_lim
 from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
 
 TOGETHER = "Together they would do: "  # of a message about what is out of reach
-MOVING = {"simulation": motion_text.render, "trajectory": plan_text.render}
+MOVING = {"simulation": motion_text.render, "trajectory": plan_text.render, "continuation": branch_text.render}
 
 
 def render(result, console, verbose=0):

@@ -84,6 +84,7 @@ PICTURES = {  # problem file: those of its figures to keep
     "octopus_brace": ("robot",),
     "octopus_figure_eight": ("robot", "strips"),
     "tip_tracking": ("strips", "path"),
+    "finray_press": ("robot",),
 }
 
 

@@ -7,6 +7,7 @@ from targets.tools import call, must
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 # Functions of CasADi share one signature, whether or not they need integers, reals and memory.
 EXCEPTION = "-Wno-unused-parameter"
+GRAPH = "-fcallgraph-info=su"  # gcc writes a .ci file beside the object file: who calls whom, and each frame
 NODE = re.compile(r'^node: \{ title: "([^"]+)" label: "[^"]*\\n(\d+) bytes \(([a-z,]+)\)"', re.M)
 EDGE = re.compile(r'^edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', re.M)
 
@@ -29,14 +30,12 @@ def symbols(target, *selection):
     return {line.split()[-1] for line in must("nm", *selection, target).splitlines() if line.strip()}
 
 
-def stack(compiler, source, scratch, flags=()):
-    """Bytes of stack of each public function, what it calls in the same file included (gcc's call graph).
+def stack(target):
+    """Bytes of stack of each public function of an object file compiled with GRAPH, what it calls there included.
 
     Functions of other files (sin, memset) count nothing. Recursion, calls through pointers and frames of unbounded
     size raise ValueError.
     """
-    target = scratch / f"{source.stem}.o"
-    compile_only(compiler, source, target, ("-fcallgraph-info=su", *flags))
     text = target.with_suffix(".ci").read_text()
     own, callees = {}, {}
     for name, size, kind in NODE.findall(text):

@@ -78,7 +78,7 @@ class Balance:
             for count in range(limit):
                 if not np.isfinite(merit):
                     return q, count, False
-                step = _direction(K, r)
+                step = newton_step(K, r)
                 step *= min(1.0, LONGEST / max(np.max(np.abs(step), initial=0.0), 1e-300))
                 if np.max(np.abs(r), initial=0.0) <= TOLERANCE or np.max(np.abs(step), initial=0.0) <= 4e-16 * (
                     1 + np.max(np.abs(q[free] / size), initial=0.0)
@@ -166,7 +166,7 @@ def load_parameters(robot):
     ]
 
 
-def _direction(K, r):
+def newton_step(K, r):
     """Newton step -K^-1 r; where K is singular, least squares, and downhill along the force they leave."""
     try:
         return -np.linalg.solve(K, r)

@@ -13,6 +13,7 @@ from socontrol.programs.result import Status
 from socontrol.quantities import joined
 
 CLOSED = 1e-12  # scaled error that counts as none
+ROUNDING = 1e-14  # that no step takes away
 ITERATIONS, NEAREST = 100, 1000  # from a guess; to tell the gap that is left
 STARTS = 16  # random shapes to close from
 
@@ -28,25 +29,25 @@ class Assembly:
         best, least = self.closed(q, ITERATIONS)
         rng = np.random.default_rng(1)
         for _ in range(STARTS if least > CLOSED else 0):
-            found, error = self.closed(self._shaken(q, rng), ITERATIONS)
+            found, error = self.shaken(q, rng)
             if error < least:
                 best, least = found, error
             if least <= CLOSED:
                 break
         return (best, least) if least <= CLOSED else self.closed(best, NEAREST)
 
-    def _shaken(self, q, rng):
-        """A random shape: joints anywhere, rods bent by up to a radian a section."""
+    def shaken(self, q, rng):
+        """As `closed` from a random shape about q: joints anywhere, rods bent by up to a radian a section."""
         q, length = q.copy(), self.balance.robot.length
         for piece in self.balance.robot.tree.pieces:
             bend = 1 / float(piece.length)
             for i in range(piece.columns.start, piece.columns.stop):
                 reach = {"rad": np.pi, "m": length / 2, "1/m": bend}.get(self.balance.robot.coordinate_units[i], 0.0)
                 q[i] += reach * rng.uniform(-1, 1) * self.free[i]
-        return q
+        return self.closed(q, ITERATIONS)
 
     def _error(self, q):
-        e, E, _ = self.balance.closing(q, p=self.p)
+        e, E = self.balance.rows(q, self.p)
         return e / self.balance.reach, E[:, self.free] * self.size / self.balance.reach[:, None]
 
     def closed(self, q, limit):
@@ -56,7 +57,7 @@ class Assembly:
         for _ in range(limit):
             self.count += 1
             size = float(np.linalg.norm(e))
-            if not np.isfinite(size) or size == 0.0 or not E.size:
+            if not np.isfinite(size) or size <= ROUNDING or not E.size:
                 break
             U, s, Vt = np.linalg.svd(E, full_matrices=False)
             step = -Vt.T @ (s / (s**2 + damping * size * min(size, 1.0)) * (U.T @ e))
@@ -75,7 +76,7 @@ class Assembly:
 
     def told(self, q):
         """Status of the loops that are open at q, the nearest found."""
-        e, names, told = np.array(self.balance.closing(q, p=self.p)[0]), [], []
+        e, names, told = np.array(self.balance.rows(q, self.p)[0]), [], []
         if not np.all(np.isfinite(e)):
             return Status("numerical", "The model gave NaN or infinity while loops were closed; start from a guess.")
         for name, own in slices(self.balance.robot.loops).items():

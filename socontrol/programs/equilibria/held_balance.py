@@ -1,53 +1,16 @@
 """Forward statics with inputs given by length: their tensions (or pressures) are unknown beside the configuration.
 
-Multipliers lam [N], the tensions along the lines, enter as springs, lam = max(0, before + (l - L) / delta): the
-augmented Lagrangian, whose inner equilibria the plain solver finds. Lengths far from those at rest are reached in
-steps. Newton's method on q and lam together polishes; where lengths depend on each other, the least inputs are taken.
-Source: J. Nocedal, S. Wright, "Numerical Optimization", 2006, sec. 17.4.
+The balances that know held lengths, on trees and with loops; `held_way` is how they find the answer.
 """
-
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from socontrol.programs.equilibria.balance import LONGEST, Balance, Equilibrium
+from socontrol.programs.equilibria.balance import Balance
 from socontrol.programs.equilibria.closed_balance import ClosedBalance
-from socontrol.programs.equilibria.complementarity import least
+from socontrol.programs.equilibria.held_way import HeldWay
 from socontrol.programs.equilibria.lengths import Routes
-from socontrol.programs.result import Status
-from socontrol.quantities import joined
 
-DELTA, STIFFEST = 1e-2, 1e-6  # scaled compliance of the springs, where a section's is 1: at first, at last
-SLOW = 0.2  # of the violation before: more that is left asks for stiffer springs
-ROUNDS, POLISHING = 20, 8  # of the multipliers; of Newton's method after each
-CLOSE = 1e-6  # scaled residual from which it must fall
-MET = 1e-9  # violation that counts as none, of a cable's length
-SHORTEST = 1 / 256  # step of the way from the lengths at rest to those given
-MOST = 5  # times the solver's iterations on that way
-
-
-@dataclass(frozen=True)
-class HeldEquilibrium(Equilibrium):
-    """Equilibrium, with u [m] all inputs.
-
-    redundant: whether other inputs would hold the same posture; steepest: the largest change of an input over its size
-    for a change of a length (index of that input among those held) by a metre, (place, change).
-    """
-
-    u: np.ndarray = None
-    redundant: bool = False
-    steepest: tuple = (0, 0.0)
-
-
-@dataclass(frozen=True)
-class _State:
-    """q [n], multipliers lam [k] in N, iterations so far, whether the lengths are met, and the violation [k] in m."""
-
-    q: np.ndarray
-    lam: np.ndarray
-    count: int
-    met: bool
-    missed: np.ndarray
+DELTA = 1e-2  # scaled compliance of the springs at first, where a section's is 1
 
 
 class HeldBalance(Balance):
@@ -55,29 +18,44 @@ class HeldBalance(Balance):
 
     def __init__(self, robot, held, parameters=(), scaling=None):
         super().__init__(robot, parameters, scaling)
-        self.held, self.routes = held, Routes(robot)
+        self.at_lengths, self.routes = held, Routes(robot)
         A = np.abs(self.routes(np.zeros(robot.n))[1][held.index]) * self.scales.q
         reach = np.max(A, axis=1, initial=0.0)
-        self.reach = np.where(reach > 0, reach, robot.length)  # what a scaled coordinate changes the length by, at most
-        self.pull = self.scales.energy / self.reach
+        self.travel = np.where(reach > 0, reach, robot.length)  # by a scaled coordinate, at most
+        self.pull = self.scales.energy / self.travel
 
     def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200):
         """Equilibrium at inputs u (of those held: a guess) from q0, `prescribed` coordinates locked."""
         free = np.ones(self.robot.n, dtype=bool)
         free[list(prescribed or {})] = False
-        way = _Way(self, np.asarray(u, dtype=float).copy(), p, prescribed, free, max_iterations)
+        way = HeldWay(self, np.asarray(u, dtype=float).copy(), p, prescribed, free, max_iterations)
         return way.solve(q0)
 
+    def at_inputs(self, *args):
+        """Equilibrium with the inputs held as they are given; see `Balance.solve`."""
+        return super().solve(*args)
 
-def balance_of(robot, held):
-    """A Balance, a HeldBalance where inputs are held, or a ClosedBalance where the robot has loops."""
-    if robot.loops:
-        return ClosedBalance(robot)
-    return HeldBalance(robot, held) if held else Balance(robot)
+    def sprung(self, lengths, before):
+        """The same robot with springs about multipliers `before` in the place of what holds it at `lengths`."""
+        return _Sprung(self, lengths, before)
 
 
-class _Sprung(Balance):
-    """The plain equilibrium of a robot whose held inputs are springs about multipliers `before`."""
+class HeldClosedBalance(HeldBalance, ClosedBalance):
+    """A HeldBalance that keeps loops closed."""
+
+    def sprung(self, lengths, before):
+        return _SprungClosed(self, lengths, before)
+
+
+def balance_of(robot, held=None, parameters=()):
+    """A Balance; one that holds inputs at lengths where there are any, and keeps loops closed where there are any."""
+    if held:
+        return (HeldClosedBalance if robot.loops else HeldBalance)(robot, held, parameters)
+    return (ClosedBalance if robot.loops else Balance)(robot, parameters)
+
+
+class _Springs:
+    """What makes a Balance one of a robot whose held inputs are springs about multipliers `before`."""
 
     def __init__(self, balance, lengths, before):
         vars(self).update(vars(balance))  # one Function, one set of buffers
@@ -86,12 +64,12 @@ class _Sprung(Balance):
     @property
     def softness(self):
         """Of each spring [m/N]."""
-        own = self.held.flexibility * self.lengths
-        return np.where(own > 0, own, self.delta * self.reach / self.pull)
+        own = self.at_lengths.flexibility * self.lengths
+        return np.where(own > 0, own, self.delta * self.travel / self.pull)
 
     def lam(self, q):
         """Multipliers [k], which of them act, and the slopes A [k x n]."""
-        held = self.held
+        held = self.at_lengths
         l, A = self.routes(q)
         own = np.where(held.flexibility > 0, 0.0, self.before)
         lam = own + (l[held.index] - self.lengths) / self.softness
@@ -99,7 +77,7 @@ class _Sprung(Balance):
         return np.where(acts, lam, 0.0), acts, A[held.index]
 
     def evaluate(self, q, u, p=None):
-        held, (lam, acts, A) = self.held, self.lam(q)
+        held, (lam, acts, A) = self.at_lengths, self.lam(q)
         u = np.array(u, dtype=float)
         u[held.index] = -lam / held.gain
         r, K, B = super().evaluate(q, u, p)
@@ -107,180 +85,9 @@ class _Sprung(Balance):
         return r, K + (B[:, held.index] / held.gain) @ slope, B
 
 
-class _Way:
-    """One call of `HeldBalance.solve`."""
+class _Sprung(_Springs, Balance):
+    """Springs on a tree."""
 
-    def __init__(self, balance, u, p, prescribed, free, limit):
-        self.balance, self.held = balance, balance.held
-        self.u, self.p, self.prescribed, self.free, self.limit = u, p, prescribed, free, limit
 
-    def solve(self, q0):
-        held, start = self.held, self._start(q0)
-        guess = -self.u[held.index] * held.gain
-        guess = np.where(held.pulls, np.maximum(guess, 0.0), guess)
-        state = self._met(self._state(start if np.any(guess) else self._slack(q0), guess, 0, held.length))
-        if not state.met:
-            state = self._steps(self._state(self._slack(q0), np.zeros(guess.size), state.count, held.length))
-        u, more = self._least(state) if state.met else (self._inputs(state.lam), {})
-        residual = np.array(self.balance.evaluate(state.q, u, self.p)[0])
-        residual[~self.free] = 0.0
-        return HeldEquilibrium(state.q, residual, state.count, self._status(state, residual), u, **more)
-
-    def _slack(self, q0):
-        """Coordinates at rest with the held inputs at 0: where the way begins; q0 where there is no such rest."""
-        u = self.u.copy()
-        u[self.held.index] = 0.0
-        rest = Balance.solve(self.balance, u, q0, self.p, self.prescribed, self.limit)
-        return rest.q if rest.status.solved else self._start(q0)
-
-    def _start(self, q0):
-        """q0 (default: 0) with the prescribed coordinates in place."""
-        q = np.zeros(self.balance.robot.n) if q0 is None else np.array(q0, dtype=float)
-        for i, value in (self.prescribed or {}).items():
-            q[i] = value
-        return q
-
-    def _state(self, q, lam, count, lengths, met=False):
-        """State with what each line is longer than it should be under its tension."""
-        held = self.held
-        over = self.balance.routes(q)[0][held.index] - lengths * (1 + held.flexibility * lam)
-        return _State(q, lam, count, met, np.where(held.pulls, np.maximum(over, 0.0), over))
-
-    def _met(self, state):
-        """The state with the given lengths met by rounds of multipliers and Newton's method, or as far as they come."""
-        sprung, held = _Sprung(self.balance, self.held.length, state.lam), self.held
-        for _ in range(ROUNDS):
-            before = np.max(np.abs(state.missed) / self.balance.reach)
-            state = self._round(sprung, state)
-            if state is None:
-                return self._state(sprung.q, sprung.before, sprung.count, held.length)
-            polished = self._polished(state)
-            if polished.met:
-                return polished
-            if np.max(np.abs(state.missed) / self.balance.reach) > SLOW * before:
-                sprung.delta /= 10
-                if sprung.delta < STIFFEST:
-                    break
-        return state
-
-    def _round(self, sprung, state):
-        """The state after an equilibrium on springs, which gives the next multipliers; None where there is none."""
-        sprung.q, sprung.before, sprung.count = state.q, state.lam, state.count
-        answer = sprung.solve(self.u, state.q, self.p, self.prescribed, self.limit)
-        sprung.count += answer.iterations
-        if not answer.status.solved:
-            return None
-        return self._state(answer.q, sprung.lam(answer.q)[0], sprung.count, sprung.lengths)
-
-    def _steps(self, state):
-        """From the lengths at the beginning to those given, in steps that are met as far as soft springs do."""
-        held = self.held
-        first = self.balance.routes(state.q)[0][held.index].copy()
-        first = np.where(held.pulls, np.maximum(first, held.length), first)
-        t, step, count = 0.0, 0.25, state.count
-        while t < 1.0 and step >= SHORTEST and count < MOST * self.limit:
-            target = min(1.0, t + step)
-            sprung = _Sprung(self.balance, first + target * (held.length - first), state.lam)
-            trial = self._round(sprung, replace(state, count=count))
-            trial = trial and self._round(sprung, trial)
-            count = sprung.count
-            if trial is None:
-                step /= 2
-            else:
-                state, t, step = trial, target, step * 2
-        state = self._state(state.q, state.lam, count, held.length)
-        return self._met(state) if t >= 1.0 else state
-
-    def _polished(self, state):
-        """Newton's method on q and the multipliers that act; met where all conditions hold."""
-        balance, held, s, free = self.balance, self.held, self.balance.scales, self.free
-        q, lam, best = state.q.copy(), state.lam.copy(), np.inf
-        for _ in range(POLISHING):
-            over = balance.routes(q)[0][held.index] - held.length * (1 + held.flexibility * lam)
-            acts = ~held.pulls | (lam / balance.pull + over / balance.reach > 0)
-            lam = np.where(acts, lam, 0.0)
-            r, rows, system = self._system(q, lam, acts)
-            size = max(np.max(np.abs(r), initial=0.0), np.max(np.abs(rows), initial=0.0))
-            if not np.isfinite(size) or (size < CLOSE and size >= best):
-                break
-            best, kept = size, (q.copy(), lam.copy())
-            step = np.linalg.lstsq(system, -np.concatenate([r, rows]), rcond=1e-11)[0]
-            if np.max(np.abs(step[: r.size]), initial=0.0) > LONGEST:
-                break
-            q[free] += step[: r.size] * s.q[free]
-            lam[acts] += step[r.size :] * balance.pull[acts]
-        if not best < np.inf:
-            return state
-        found = self._state(*kept, state.count, held.length)
-        pulled = np.where(held.pulls, found.lam, 0.0)
-        met = best <= 1e-9 and np.all(pulled >= -1e-9 * balance.pull) and np.all(np.abs(found.missed) <= self._allowed)
-        lam = np.where(held.pulls, np.maximum(found.lam, 0.0), found.lam)
-        return replace(found, lam=lam, met=bool(met))
-
-    @property
-    def _allowed(self):
-        """Violation [k] in m that counts as none."""
-        return MET * np.maximum(self.held.length, self.balance.robot.length)
-
-    def _system(self, q, lam, acts):
-        """Scaled residual, length rows of what acts, and their tangent."""
-        balance, held, s, free = self.balance, self.held, self.balance.scales, self.free
-        l, A = balance.routes(q)
-        r, K, B = balance.evaluate(q, self._inputs(lam), self.p)
-        own, reach, pull = held.index[acts], balance.reach[acts], balance.pull[acts]
-        soft = (held.flexibility * held.length)[acts]
-        rows = (l[own] - held.length[acts] - soft * lam[acts]) / reach
-        A = A[own][:, free] * s.q[free] / reach[:, None]
-        push = (B[:, own] / held.gain[acts] * pull)[free] / s.force[free][:, None]
-        K = K[np.ix_(free, free)] * s.q[free] / s.force[free][:, None]
-        return r[free] / s.force[free], rows, np.block([[K, push], [A, -np.diag(soft * pull / reach)]])
-
-    def _inputs(self, lam):
-        u = self.u.copy()
-        u[self.held.index] = -lam / self.held.gain
-        return u
-
-    def _least(self, state):
-        """Inputs [m] at the posture found, the least that hold it, and what else there is to say of them."""
-        held, s, free, u = self.held, self.balance.scales, self.free, self._inputs(state.lam)
-        over = self.balance.routes(state.q)[0][held.index] - held.length
-        taut = (held.flexibility == 0) & (~held.pulls | (over >= -self._allowed))
-        own = held.index[taut]
-        push = self.balance.evaluate(state.q, u, self.p)[2][free][:, own] * s.u[own] / s.force[free][:, None]
-        values, rows = np.linalg.svd(push)[1:]
-        rank = int(np.sum(values > 1e-9 * np.max(values, initial=0.0)))
-        if rank == own.size:
-            return u, {"steepest": self._steepest(state)}
-        u[own] = s.u[own] * least(u[own] / s.u[own], rows[rank:].T, held.pulls[taut])
-        return u, {"redundant": True}
-
-    def _steepest(self, state):
-        """(place, change per metre) of the length that changes an input, over its size, the most."""
-        held, balance = self.held, self.balance
-        acts = np.flatnonzero(~held.pulls | (state.lam > 0))
-        if not acts.size:
-            return 0, 0.0
-        r, _, system = self._system(state.q, state.lam, acts)
-        inverse = np.linalg.pinv(system, rcond=1e-13)[r.size :, r.size :]
-        size = np.abs(held.gain[acts]) * balance.scales.u[held.index[acts]]
-        changes = np.abs(inverse * (balance.pull[acts] / size)[:, None] / balance.reach[acts])
-        worst = int(np.argmax(np.max(changes, axis=0)))
-        return int(acts[worst]), float(np.max(changes))
-
-    def _status(self, state, residual):
-        held = self.held
-        if state.met and np.max(np.abs(residual / self.balance.scales.force), initial=0.0) <= 1e-9:
-            return Status("solved", "In equilibrium.")
-        if not np.all(np.isfinite(residual)):
-            fix = "ask for lengths nearer to those at rest"
-            return Status("numerical", f"The model gave NaN or infinity on the way; {fix}.")
-        missed = np.flatnonzero(np.abs(state.missed) > self._allowed)
-        if not missed.size:
-            return Status("numerical", "The lengths are met, the forces do not balance; start from a guess.")
-        names = joined([held.names[k] for k in missed], "and")
-        wanted, found = (joined([f"{1e3 * x:.7g}" for x in rows[missed]], "and")
-                         for rows in (held.length, held.length + state.missed))  # fmt: skip
-        kind = "shortest" if np.all(state.missed[missed] > 0) else "nearest"
-        stiff = ", or the cables a `stiffness`" if np.any(held.pulls[missed]) else ""
-        nearest = f"the {kind} found {'is' if missed.size == 1 else 'together are'} {found} mm"
-        return Status("infeasible", f"No posture holds {names} at {wanted} mm: {nearest}. Give other lengths{stiff}.")
+class _SprungClosed(_Springs, ClosedBalance):
+    """Springs on a robot with loops."""

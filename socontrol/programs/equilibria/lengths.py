@@ -18,6 +18,7 @@ from socontrol.programs.question import Named, Question, read
 from socontrol.quantities import Bad, nearest, record
 
 KEYS = ("lengths", "motors", "volumes")
+SLACK = 1e-9  # of an input's size: a cable that pulls less holds nothing
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,18 @@ class Held:
         names = tuple(name for name, keep in zip(self.names, kept, strict=True) if keep)
         rest = (getattr(self, key)[kept] for key in ("length", "flexibility", "gain", "pulls"))
         return Held(self.index[kept], names, *rest)
+
+    def slack(self, u, sizes):
+        """Which cables [k] pull nothing at inputs u [m], whose sizes are given [m]."""
+        return self.pulls & (np.abs(u[self.index]) <= SLACK * sizes[self.index])
+
+    def holding(self, A, B, slack):
+        """What the lengths hold with: stiffness [n x n] of cables that stretch, which are springs; slopes [r x n] and
+        pushes [n x r] of those that do not. A [m x n]: slopes of all lengths, B [n x m] of the forces; slack [k]."""
+        springs = ~slack & (self.flexibility > 0)
+        own, soft = self.index[springs], (self.gain * self.flexibility * self.length)[springs]
+        rigid = self.index[~slack & (self.flexibility == 0)]
+        return (B[:, own] / soft) @ A[own], A[rigid], B[:, rigid]
 
     def gap(self, l, u):
         """L + u L / (E A) - l [k]: what a cable is too long by; l, u: of all inputs [m] or [m x 1] symbols."""

@@ -39,7 +39,7 @@ def stability(tangent, scales, conservative, free=None, held=None):
     if K.size == 0:
         return Stability(True, float("inf"), conservative, "stable (no free coordinate)")
     if conservative:
-        smallest = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
+        smallest = float(eigenvalues(K, True)[0])
         kind = "smallest eigenvalue of the scaled tangent stiffness"
     else:
         smallest = float(np.min(np.linalg.eigvals(K).real))
@@ -47,6 +47,15 @@ def stability(tangent, scales, conservative, free=None, held=None):
         kind += " (follower load or friction: divergence only, not flutter)"
     word = "stable" if smallest > 1e-9 else "marginal" if smallest > -1e-9 else "UNSTABLE"
     return Stability(smallest > 1e-9, smallest, conservative, f"{word}, {kind} {smallest:.3g}", word)
+
+
+def eigenvalues(K, conservative):
+    """Eigenvalues, ascending, of the symmetric part of K [d x d]; not conservative: the real ones of K, whose change of
+    sign is divergence."""
+    if conservative:
+        return np.linalg.eigvalsh((K + K.T) / 2)
+    values = np.linalg.eigvals(K)
+    return np.sort(values.real[np.abs(values.imag) <= 1e-9 * np.abs(values)])
 
 
 def _moving(K, A, B):

@@ -11,7 +11,7 @@ from socontrol.mechanics.loops import slices
 from socontrol.programs.equilibria.held_balance import balance_of
 from socontrol.programs.equilibria.lengths import Held, Routes, length_values
 from socontrol.programs.equilibria.stability import stability
-from socontrol.programs.looks import check
+from socontrol.programs.looks import check, displacement
 from socontrol.programs.result import Value
 
 FORCE_TOLERANCE = 1e-8  # recomputed unbalanced force over the largest elastic (or external) force
@@ -20,7 +20,6 @@ LENGTH_TOLERANCE = 1e-6  # recomputed miss of a held length over the robot's len
 SMALLEST_FORCE = 1e-4  # of what bends a section by a radian: smaller largest forces count as that, not as noise
 SMALLEST_SOUGHT = 1e-2  # the same of optimised postures, whose solver stops at a scaled residual of 1e-10
 CRUSHED = -0.9  # stretch: less than a tenth of the length is left
-SLACK = 1e-9  # of an input's size: less tension is none
 ACTIVE = 1e-6  # of the limits' span: closer counts as on the limit
 
 
@@ -62,6 +61,16 @@ class Look:
         for name, (_, tension) in self.cables(q, u).items():
             values[f"tension_end.{name}"] = Value(float(tension[-1]), "N")
         return values
+
+    def displacement(self, q, prescribed):
+        """(displacement [m], segment, X) of what has moved most from where the robot stands with rods straight and
+        joints at 0, but for those prescribed; None without rods, or where that shape leaves loops open."""
+        start = np.zeros(self.robot.n)
+        start[list(prescribed)] = np.asarray(q)[list(prescribed)]
+        rods = any(piece.is_rod for piece in self.robot.tree.pieces)
+        if not rods or np.max(np.abs(self._checker.loop_error(start)), initial=0.0) > LOOP_TOLERANCE:
+            return None
+        return displacement.largest(self._checker, start, q)
 
     def loop_wrenches(self, lam):
         """{loop: wrench [moment; force] on a by b, in the joint frame of b}."""
@@ -122,30 +131,29 @@ class Look:
 
     def slack(self, u):
         """Names of the held cables that pull nothing."""
-        size = SLACK * self.balance.scales.u[self.held.index]
-        loose = self.held.pulls & (np.abs(u[self.held.index]) <= size)
+        loose = self.held.slack(u, self.balance.scales.u)
         return [name for name, is_loose in zip(self.held.names, loose, strict=True) if is_loose]
 
-    def stability(self, q, u, free, lam=None):
-        """Stability at (q, u) on the free coordinates; loops leave the motions that keep them closed."""
-        tangent, B = self.unbalanced(q, u, lam)[1], np.array(self.balance.evaluate(q, u)[2])
+    def conservative(self, u):
+        """Whether all loads and inputs that act have a potential."""
         tree = self.robot.tree
-        conservative = self.balance.conservative and all(
+        return self.balance.conservative and all(
             line.conservative or (isinstance(line, Torque) and tree.pieces[line.piece].is_screw)
             for value, shares in zip(u, self.robot.lines, strict=True)
             for line in shares
             if value
         )
+
+    def stability(self, q, u, free, lam=None):
+        """Stability at (q, u) on the free coordinates; loops and held lengths leave the motions that keep them."""
+        tangent, B = self.unbalanced(q, u, lam)[1], np.array(self.balance.evaluate(q, u)[2])
+        conservative = self.conservative(u)
         rows = None if lam is None else self.balance.held(q, free)
         if self.held:
-            slack, held = self.slack(u), self.held
-            A = Routes(self.robot)(q)[1]
-            soft = [k for k, name in enumerate(held.names) if held.flexibility[k] > 0 and name not in slack]
-            for k in soft:  # a stretching cable is a spring
-                i, gain = held.index[k], held.gain[k] * held.flexibility[k] * held.length[k]
-                tangent = tangent + np.outer(B[:, i] / gain, A[i])
-            rigid = [i for k, i in enumerate(held.index) if held.flexibility[k] == 0 and held.names[k] not in slack]
-            rows = A[rigid], B[:, rigid]
+            slack = self.held.slack(u, self.balance.scales.u)
+            springs, slopes, pushes = self.held.holding(Routes(self.robot)(q)[1], B, slack)
+            tangent = tangent + springs
+            rows = (slopes, pushes) if rows is None else (np.vstack([rows[0], slopes]), np.hstack([rows[1], pushes]))
         return stability(tangent, self.balance.scales, conservative, free, rows)
 
     def limits_reached(self, q, u):

@@ -33,6 +33,7 @@ class Checker:
         self.xi_bar = [numeric(p.xi_bar).ravel() for p in self.pieces]
         self.lengths = [float(p.length) for p in self.pieces]
         self.placements = [numeric(p.placement) for p in self.pieces]
+        self.ends = [numeric(p.end) for p in self.pieces]
         self.loads = [_Load(load, self.pieces) for load in self.robot.loads]
         water = self.robot.water
         if water is not None and any(water.velocity):
@@ -48,6 +49,10 @@ class Checker:
         elastic = np.array(self._elastic(q)).ravel()
         external, actuation = look.external(), look.actuation(u)
         return elastic - external - actuation, elastic, external, actuation
+
+    def look(self, q):
+        """Poses of all places at q [n]."""
+        return _Look(self, np.asarray(q, dtype=float).ravel())
 
     def loop_error(self, q):
         """e [k] of all loops from poses of its own."""

@@ -7,7 +7,8 @@ Coordinates are joined by w [k], whose accelerations are the multipliers lam:
     a spring      s lam = l - L,                          s [m/N] its flexibility
 so that the steps of `collocation` serve unchanged. e is far below A M^-1 P and keeps the equations regular. States are
 put back onto c = 0 and c' = 0 by elastic shares: light parts, moved the most by masses' shares, would be left to swing.
-One-sided conditions (cables: c <= 0 <= lam) are let go where lam turns negative; where c = 0 is met again they catch
+Lengths of lines come first, combinations of the rows of loops (`ties`), which are held always, after them. One-sided
+conditions (cables: c <= 0 <= lam) are let go where lam turns negative; where c = 0 is met again they catch
 without rebound. Of conditions that depend on each other no more are held than are independent.
 Source: E. Hairer, G. Wanner, 1996, sec. VII.1 (index reduction, projection); C. Glocker, F. Pfeiffer,
 "Multibody Dynamics with Unilateral Contacts", 1996 (complementarity of impulses and accelerations).
@@ -24,7 +25,7 @@ from socontrol.programs.equilibria.scaling import scales
 from socontrol.programs.motions.plant import Plant, Sampled
 
 REGULAR = 1e-13  # e beside A M^-1 P
-MET = 1e-12  # of the robot's length: what projection leaves
+MET = 1e-15  # of the robot's length: what projection leaves; rounding often leaves more
 TOUCHING = 1e-7  # of the robot's length: conditions this near are met
 SLOW = 1e-9  # of the rates before a catch, or robot lengths a second: that is no rate
 ROUNDS = 4  # of the projection
@@ -60,24 +61,35 @@ class Conditions:
     gain: np.ndarray
 
 
-class Constrained(Plant):
-    """A plant that moves under conditions: n + k coordinates, of which `held` [k] of the conditions act."""
+_NONE = Conditions(None, (), (), np.zeros(0, dtype=bool), np.zeros(0), np.zeros(0, dtype=int), np.zeros(0))
 
-    def __init__(self, plant, conditions):
+
+class Constrained(Plant):
+    """A plant that moves under conditions: n + k coordinates, of which `held` [k] of the conditions act.
+
+    conditions: on lengths, or None; ties: those of loops, or None.
+    """
+
+    def __init__(self, plant, conditions, ties=None):
         vars(self).update(vars(plant))
-        self.conditions, self.k = conditions, len(conditions.names)
-        self.n = self.robot.n + self.k
-        self.free = np.concatenate([plant.free, np.arange(self.robot.n, self.n)])
-        self.moving = plant.free
-        self._rows, self._given = Buffered(conditions.function), Sampled(conditions.lengths, order=2)
-        self.histories, self.led = [*plant.histories, *conditions.lengths], True
-        self.rigid = conditions.flexibility == 0
+        self.ties, self.moving, n = ties, plant.free, self.robot.n
+        own = conditions or _NONE
+        self.names, self.m = own.names, len(own.names)
+        self.k, more = self.m + (ties.k if ties else 0), ties.k if ties else 0
+        self.n, self.free = n + self.k, np.concatenate([plant.free, np.arange(n, n + self.k)])
+        self._rows = Buffered(own.function) if self.m else None
+        self._given = Sampled(own.lengths, order=2)
+        self.histories, self.led = [*plant.histories, *own.lengths], plant.led or bool(self.m)
+        self._flexibility, self._gain, self._inputs_of = own.flexibility, own.gain, own.inputs
+        self.one_sided = np.concatenate([own.one_sided, np.zeros(more, dtype=bool)])
+        self.rigid = np.concatenate([own.flexibility == 0, np.ones(more, dtype=bool)])
+        self._by_input = np.concatenate([own.inputs >= 0, np.zeros(more, dtype=bool)])
         self.held, self._lam = np.ones(self.k, dtype=bool), np.zeros(self.k)
-        self._by_input = conditions.inputs >= 0
-        self._soft = scales(self.robot).q ** 2
+        self._soft, self._regular = scales(self.robot).q ** 2, np.zeros(self.k)
         self.sizes = np.ones(self.k)  # of multipliers
-        self.sizes[self._by_input] = (np.abs(conditions.gain) * scales(self.robot).u[conditions.inputs])[self._by_input]
-        self._extended, self._regular = np.zeros(self.n), np.zeros(self.k)
+        by = own.inputs >= 0
+        self.sizes[: self.m][by] = np.abs(own.gain[by]) * scales(self.robot).u[own.inputs[by]]
+        self._extended = np.zeros(self.n)
 
     def extended(self, x):
         """Coordinates or rates [n + k] with w = 0."""
@@ -85,16 +97,20 @@ class Constrained(Plant):
 
     def rows(self, t, q, qd):
         """Rows at a state [n or n + k]."""
-        n = self.robot.n
-        l, A, turning = self._rows(q[:n], qd[:n])
-        L, rate, second = self._given(t)
-        A = A.T.copy()
-        return Rows(l[0] - L, A, A @ qd[:n] - rate, turning[0] - second, self.conditions.flexibility * L)
+        n, found = self.robot.n, []
+        q, qd = q[:n], qd[:n]
+        if self.m:
+            l, A, turning = self._rows(q, qd)
+            (L, rate, second), A = self._given(t), A.T.copy()
+            found.append((l[0] - L, A, A @ qd - rate, turning[0] - second, self._flexibility * L))
+        if self.ties:
+            found.append(self.ties.rows(q, qd))
+        return Rows(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     def driving(self, t, lam):
         """u [m] under multipliers lam."""
-        u, own = self.inputs(t).copy(), self._by_input
-        u[self.conditions.inputs[own]] = -lam[own] / self.conditions.gain[own]
+        u, own = self.inputs(t).copy(), self._inputs_of >= 0
+        u[self._inputs_of[own]] = -lam[: self.m][own] / self._gain[own]
         return u
 
     def residual(self, t, q, qd, qdd):
@@ -118,6 +134,8 @@ class Constrained(Plant):
         Ms = np.block([[M, P], [np.where(hard[:, None], rows.A, 0.0), corner]])
         Ks, Ds = np.zeros((self.n, self.n)), np.zeros((self.n, self.n))
         Ks[:n, :n], Ds[:n, :n], Ks[n:, :n] = K, D, np.where(soft[:, None], -rows.A, 0.0)
+        if self.ties:
+            Ks[:n, :n] += self.ties.turning(q, self._lam[self.m :])
         return Ms, Ks, Ds
 
     def pushes(self, t, q, qd, rows):
@@ -135,6 +153,8 @@ class Constrained(Plant):
         n, u = self.robot.n, self.driving(t, qdd[self.robot.n :])
         power, wrench = self._power(q[:n], qd[:n], u, *self.parameters(t))
         motors = r[self.driven] @ qd[self.driven] if self.driven.size else 0.0
+        if self.driven.size and self.ties:  # loops do no work: near dead points their forces would bring rounding alone
+            motors = r[:n] @ qd[:n] - qdd[n + self.m :] @ self.ties.rows(q[:n], qd[:n])[2]
         return np.concatenate([power[0], [motors], wrench[0]])
 
     def acceleration(self, t, q, qd):
@@ -142,21 +162,44 @@ class Constrained(Plant):
         self._lam = qdd[self.robot.n :].copy()
         return qdd
 
-    def inputs_at(self, t, q, qd):
-        """u [m] at a state [n + k], with the multipliers of what is held now."""
-        return self.driving(t, self.acceleration(t, q, qd)[self.robot.n :])
+    def forces(self, t, q, qd):
+        """u, forces of motors and lam of loops (the least) at a state [n + k], with what is held now."""
+        qdd, n = self.acceleration(t, q, qd), self.robot.n
+        lam, motors = qdd[n:], self.residual(t, q, qd, qdd)[self.driven]
+        if not self.ties:
+            return self.driving(t, lam), motors, lam[:0]
+        lam, change = self.ties.least(q[:n], lam[self.m :])
+        return self.driving(t, qdd[n:]), motors + change[self.driven], lam
 
     def mobility(self, t, q, qd, rows):
-        """M^-1 P [n x k] on the coordinates that move, and A M^-1 P [k x k]."""
-        n, moving = self.robot.n, self.moving
+        """How rates of the coordinates answer to impulses of lengths, loops held [n x m], and their slopes [m x m]."""
+        n, moving, m = self.robot.n, self.moving, self.m
         M = self._tangents(q[:n], qd[:n], self.driving(t, self._lam), *self.parameters(t))[0].T
-        gives = np.zeros((n, self.k))
-        gives[moving] = np.linalg.solve(M[np.ix_(moving, moving)], self.pushes(t, q, qd, rows)[moving])
-        return gives, rows.A @ gives
+        system, A = M[np.ix_(moving, moving)], rows.A[m:][self.held[m:]][:, moving]
+        if A.size:
+            system = np.block([[system, A.T], [A, -np.diag(self._regular[m:][self.held[m:]])]])
+        pushes, gives = self.pushes(t, q, qd, rows)[moving, :m], np.zeros((n, m))
+        pushes = np.concatenate([pushes, np.zeros((A.shape[0], m))])
+        gives[moving] = np.linalg.solve(system, pushes)[: moving.size]
+        return gives, rows.A[:m] @ gives
 
     def regularise(self, t, q, qd):
-        """Set e from the state at the start."""
-        self._regular = REGULAR * np.abs(np.diag(self.mobility(t, q, qd, self.rows(t, q, qd))[1]))
+        """Set e, and which combinations of the loops' rows act, from the state at the start."""
+        n, moving = self.robot.n, self.moving
+        if self.ties:
+            self.choose(t, q)
+            M = self._tangents(q[:n], qd[:n], self.driving(t, self._lam), *self.parameters(t))[0].T
+            A = self.rows(t, q, qd).A[self.m :, moving]
+            size = np.sum(A**2) / max(np.trace(M[np.ix_(moving, moving)]), 1e-300)
+            self._regular[self.m :] = REGULAR * size
+        self._regular[: self.m] = REGULAR * np.abs(np.diag(self.mobility(t, q, qd, self.rows(t, q, qd))[1]))
+
+    def choose(self, t, q):
+        """Whether other combinations of the loops' rows act from q on, since those before no longer hold all."""
+        if not self.ties or not self.ties.choose(t, q[: self.robot.n]):
+            return False
+        self.held[self.m :], self._lam[self.m :] = np.arange(self.ties.k) < self.ties.rank, 0.0
+        return True
 
     def project(self, t, q, qd):
         """Put q and qd back onto the rigid conditions that are held."""
@@ -167,29 +210,35 @@ class Constrained(Plant):
         gives = np.zeros((n, own.size))
         gives[self.moving] = (self._soft[:, None] * rows.A[own].T)[self.moving]
         G = rows.A[own] @ gives
+        before = np.inf
         for _ in range(ROUNDS):
-            if np.max(np.abs(rows.c[own])) <= MET * self.robot.length:
+            left = np.max(np.abs(rows.c[own]))
+            if left <= MET * self.robot.length or left > before / 2:
                 break
+            before = left
             q[:n] -= gives @ np.linalg.lstsq(G, rows.c[own], rcond=SINGULAR)[0]
             rows = self.rows(t, q, qd)
         qd[:n] -= gives @ np.linalg.lstsq(G, rows.rate[own], rcond=SINGULAR)[0]
 
     def met_again(self, t, q, qd, touched=(), instant=0.0):
-        """Decide which conditions act from this state on; qd changes where one catches. The work of catching [J].
+        """Decide which lengths act from this state on; qd changes where one catches. The work of catching [J].
 
         touched: conditions known to be met, however nearly; instant [s]: what would be let go for less is held.
         """
-        rows, sided, n = self.rows(t, q, qd), self.conditions.one_sided, self.robot.n
+        m, n = self.m, self.robot.n
+        if not m:
+            return 0.0
+        rows, sided, rigid = self.rows(t, q, qd), self.one_sided[:m], self.rigid[:m]
         gives, G = self.mobility(t, q, qd, rows)
-        near = ~sided | (rows.c >= -TOUCHING * self.robot.length)
+        near = ~sided | (rows.c[:m] >= -TOUCHING * self.robot.length)
         near[list(touched)] = True
-        hard, before = np.flatnonzero(near & self.rigid), qd[:n].copy()
+        hard, before = np.flatnonzero(near & rigid), qd[:n].copy()
         impulse = complementary(G[np.ix_(hard, hard)], rows.rate[hard], sided[hard])
         qd[:n] -= gives[:, hard] @ impulse
-        rest = rows.rate - G[:, hard] @ impulse
-        self.held = near & ~self.rigid & ((rows.c > 0) | (rest > 0))
+        rest = rows.rate[:m] - G[:, hard] @ impulse
+        self.held[:m] = near & ~rigid & ((rows.c[:m] > 0) | (rest > 0))
         drawn = self._drawn(t, q, qd)
-        slow = SLOW * max(np.max(np.abs(rows.rate), initial=0.0), self.robot.length)
+        slow = SLOW * max(np.max(np.abs(rows.rate[:m]), initial=0.0), self.robot.length)
         back = (rest >= -slow) | (-2 * rest < instant * drawn)
         own = self._needed(hard[~sided[hard] | back[hard]], G, drawn)
         self.held[own] = True
@@ -198,13 +247,13 @@ class Constrained(Plant):
         return float((qd[:n] - before) @ M @ (qd[:n] + before) / 2)
 
     def _drawn(self, t, q, qd):
-        """c'' [k] with the multipliers of springs alone."""
+        """c'' [m] of lengths with the multipliers of springs and loops alone."""
         qdd, rows = self.acceleration(t, q, qd), self.rows(t, q, qd)
-        return rows.A @ qdd[: self.robot.n] + rows.bias
+        return (rows.A @ qdd[: self.robot.n] + rows.bias)[: self.m]
 
     def _needed(self, staying, G, drawn):
         """Of the rigid conditions that are met and stay so, those to hold: no more than are independent."""
-        G, drawn, sided = G[np.ix_(staying, staying)], drawn[staying], self.conditions.one_sided[staying]
+        G, drawn, sided = G[np.ix_(staying, staying)], drawn[staying], self.one_sided[staying]
         lam = complementary(G, drawn, sided)
         tight = G @ lam - drawn <= 1e-9 * np.max(np.abs(drawn), initial=0.0)
         kept = list(np.flatnonzero(~sided | (lam > 0)))

@@ -11,6 +11,7 @@ TRIES = 6  # to end a step there
 NEAR = 1e-3  # of the step: how near counts
 PULLED, TOUCHED = 1e-7, 1e-10  # of an input's size, of the robot's length: less is not seen
 INSTANT = 1e-5  # of the whole time: what a cable would be slack for less is no slack
+DEAD = 1e-3  # of what the loops' rows hold at most: what the weakest holds where steps fail at a dead point
 TORN = 1e-7  # of the robot's length: a condition that is not met
 
 
@@ -34,7 +35,9 @@ class HeldMarcher(Marcher):
     def _keep(self, t, q, qd, work):
         n = self.plant.robot.n
         super()._keep(t, q[:n], qd[:n], work)
-        self.march.u.append(self.plant.inputs_at(t, q, qd))
+        rows = zip((self.march.u, self.march.motors, self.march.lam), self.plant.forces(t, q, qd), strict=True)
+        for kept, found in rows:
+            kept.append(found)
 
     def _leg(self, stop):
         if self.t > 0:
@@ -54,8 +57,8 @@ class HeldMarcher(Marcher):
                 if self._room[k] >= TORN * self.length:
                     self._torn(k, self._room[k])
                 self._room[k] = TORN * self.length
-        for k in np.flatnonzero(plant.held != before):
-            self.march.changes.append((float(self.t), plant.conditions.names[k], bool(plant.held[k])))
+        for k in np.flatnonzero(plant.held[: plant.m] != before[: plant.m]):
+            self.march.changes.append((float(self.t), plant.names[k], bool(plant.held[k])))
 
     def _step(self, h):
         """A step that ends, if not before, where one-sided conditions change."""
@@ -77,28 +80,48 @@ class HeldMarcher(Marcher):
         happens = self._happens
         super()._accept(t)
         self._refuse_torn()
+        chosen = self.plant.choose(t, self.q)
+        if chosen:
+            self.plant.project(t, self.q, self.qd)
         if len(happens):
             self._switch([k for k in happens if not self.plant.held[k]])
+        if chosen or len(happens):
             self._last, self._acceleration = None, self._begin()
             self.steps.forget()
+
+    def _shorter(self, h, factor):
+        try:
+            return super()._shorter(h, factor)
+        except Stop:
+            if not (self.plant.ties and self.plant.led and self.plant.ties.share < DEAD):
+                raise
+        fix = "turn back before, or drive another joint"
+        sentence = f"At t = {self.t:.6g} s what is driven comes to a dead point, beyond which the loops do not follow"
+        raise Stop("infeasible", f"{sentence}; {fix}.")
 
     def _refuse_torn(self):
         """Raise Stop where what is held is not met."""
         plant = self.plant
-        c = np.where(plant.held & plant.rigid, plant.rows(self.t, self.q, self.qd).c, 0.0)
-        worst = int(np.argmax(np.abs(c)))
-        if not abs(c[worst]) <= TORN * self.length:
+        c = np.where(plant.held & plant.rigid, plant.rows(self.t, self.q, self.qd).c, 0.0)[: plant.m]
+        worst = int(np.argmax(np.abs(c))) if plant.m else -1
+        if plant.m and not abs(c[worst]) <= TORN * self.length:
             self._torn(worst, c[worst])
+        if plant.ties:
+            name, apart, told = plant.ties.opened(self.q[: plant.robot.n])
+            if not apart <= TORN:
+                why = f"no shape nearby keeps loop '{name}' closed: it is {told} open"
+                fix = "what is driven asks for more than the loops leave" if plant.led else "take shorter steps"
+                raise Stop("infeasible" if plant.led else "numerical", f"At t = {self.t:.6g} s {why}; {fix}.")
 
     def _torn(self, k, c):
         fix = "give other lengths, or the cables a `stiffness`"
-        sentence = f"no posture nearby holds {self.plant.conditions.names[k]}: it is {1e3 * c:.2g} mm off"
+        sentence = f"no posture nearby holds {self.plant.names[k]}: it is {1e3 * c:.2g} mm off"
         raise Stop("infeasible", f"At t = {self.t:.6g} s {sentence}; {fix}.")
 
     def _change(self, h):
         """(fraction of the last step at which one-sided conditions first change, which), or (None, ())."""
         places = np.arange(1, LOOKS + 1) / LOOKS
-        if not self.plant.conditions.one_sided.any():
+        if not self.plant.one_sided.any():
             return None, ()
         low, wrong = 0.0, ()
         for x in places:
@@ -124,4 +147,4 @@ class HeldMarcher(Marcher):
             q, v = self.q.copy(), self.qd.copy()
             q[self.free], v[self.free] = self.steps.end(step, self._before[1], self._before[0], x)
             past |= ~plant.held & (plant.rows(self.t + x * h, q, v).c > self._room)
-        return np.flatnonzero(plant.conditions.one_sided & past)
+        return np.flatnonzero(plant.one_sided & past)

@@ -71,14 +71,17 @@ class Cvodes(_Limits):
 @dataclass
 class March:
     """What a march has recorded: at each output t [k], q, qd [k x n each] and work [k x 11], the integrals of
-    `Plant.power`; u [k x m] where the motion decides it; changes of what is held (t, name, whether it is held
-    from then on); steps taken, refused, iterations; status."""
+    `Plant.power`; u [k x m], motors [k x d] and lam [k x l], where conditions decide them: inputs, forces of motors on
+    driven coordinates, multipliers of loops; changes of what is held (t, name, whether it is held from then on); steps
+    taken, refused, iterations; status."""
 
     t: list = field(default_factory=list)
     q: list = field(default_factory=list)
     qd: list = field(default_factory=list)
     work: list = field(default_factory=list)
     u: list = field(default_factory=list)
+    motors: list = field(default_factory=list)
+    lam: list = field(default_factory=list)
     changes: list = field(default_factory=list)
     steps: int = 0
     refused: int = 0

@@ -9,6 +9,7 @@ from socontrol.programs.equilibria.lengths import LengthQuestion, Routes, given_
 from socontrol.programs.motions.conditions import Conditions, Constrained
 from socontrol.programs.motions.integrators import Cvodes
 from socontrol.programs.motions.signals import Changing, history
+from socontrol.programs.motions.ties import Ties
 from socontrol.programs.result import Status, Value
 from socontrol.quantities import Bad, joined, record
 
@@ -42,13 +43,14 @@ class MovingLengths(LengthQuestion):
         return held(self.robot, [row for row, _ in rows], [float(h.value(t)) for _, h in rows])
 
     def constrained(self, plant):
-        """The plant under the lengths that are given."""
+        """The plant under the lengths that are given and the loops of its robot."""
+        ties = Ties(plant.robot, plant.free) if plant.robot.loops else None
         if not self.by_length:
-            return plant
+            return Constrained(plant, None, ties) if ties else plant
         held, histories = self.held, tuple(h for _, h in self.by_length)
         function = Routes(plant.robot).moving(held.index)
         own = held.names, held.pulls, held.flexibility, held.index, held.gain
-        return Constrained(plant, Conditions(function, histories, *own))
+        return Constrained(plant, Conditions(function, histories, *own), ties)
 
     def refuse_lengths(self):
         """Raise Bad where lengths do not go with the integrator, are none, or do not fit the start."""
@@ -61,11 +63,12 @@ class MovingLengths(LengthQuestion):
                 raise Bad(f"start.inputs.{name}", f"'{name}' is given by its length; leave this key out")
         for t in np.linspace(0.0, self.outputs[-1], SAMPLES):
             self.held_at(t)
-        if not self.start.settled:
-            self._refuse_start()
+        if not self.robot.loops and not self.start.settled:
+            self.refuse_misfit(self.first_coordinates())
 
-    def _refuse_start(self):
-        held, l = self.held, Routes(self.robot)(self.first_coordinates())[0]
+    def refuse_misfit(self, q):
+        """Raise Bad where the lengths at the start q are not those that are given."""
+        held, l = self.held, Routes(self.robot)(q)[0]
         gap = np.where(held.flexibility > 0, 0.0, held.gap(l, np.zeros(self.robot.m)))
         gap = np.where(held.pulls, np.minimum(gap, 0.0), gap)
         for (row, _), i, x in zip(self.by_length, held.index, gap, strict=True):

@@ -68,6 +68,10 @@ class Plant:
         motors = r[self.driven] @ qd[self.driven] if self.driven.size else 0.0
         return np.concatenate([power[0], [motors], wrench[0]])
 
+    def motors(self, t, q, qd):
+        """Forces of the motors on driven coordinates [d] at a state."""
+        return self.residual(t, q, qd, self.acceleration(t, q, qd))[self.driven]
+
     def acceleration(self, t, q, qd):
         """qdd [n] at a state: of the free coordinates from r = 0, of the driven ones given."""
         qdd = np.zeros(self.n)

@@ -7,24 +7,25 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from socontrol.programs.equilibria.balance import Balance
-from socontrol.programs.equilibria.held_balance import HeldBalance
+from socontrol.programs.equilibria.held_balance import balance_of
 from socontrol.programs.looks.answer import collapsed, spread
 from socontrol.programs.motions.charts import Charts
+from socontrol.programs.motions.closed_start import Beginning, Begun
 from socontrol.programs.motions.conditions import Constrained
 from socontrol.programs.motions.cvodes import CvodesMarch
 from socontrol.programs.motions.held_march import HeldMarcher
 from socontrol.programs.motions.integrators import INTEGRATORS, Cvodes, Duration, Marcher, Radau
+from socontrol.programs.motions.loop_answer import with_loops
+from socontrol.programs.motions.massless import displacement_weights, refuse_massless
 from socontrol.programs.motions.motion_answer import answered
 from socontrol.programs.motions.moving_lengths import MovingLengths
 from socontrol.programs.motions.plant import Plant
 from socontrol.programs.motions.signals import Changing, history
 from socontrol.programs.question import Bounds, Guess, Named, read
 from socontrol.programs.result import Result, Status
-from socontrol.quantities import Bad, Either, Flag, joined, nearest, record
+from socontrol.quantities import Bad, Either, Flag, nearest, record
 
 MOST_OUTPUTS = 200_000
-WEIGHTLESS = 1e-12  # root of an entry of M beside the largest: less is no mass
 SAMPLES = 2001  # times at which a given motion is held against the limits of its joint
 
 
@@ -50,7 +51,8 @@ class Times:
 @record(kw_only=True)
 class Start:
     """The state at t = 0: coordinates and rates by name, 0 where none is given. `settled`: the shape at rest under
-    `inputs` (default: those at t = 0) and the loads of t = 0, found first; `coordinates` are then its guess."""
+    `inputs` (default: those at t = 0) and the loads of t = 0, found first; `coordinates` are then its guess. Loops are
+    closed by moving those that are not named, and where that is not enough all that are not driven."""
 
     coordinates: Named | None = None
     rates: Named | None = None
@@ -76,6 +78,7 @@ class Simulation(MovingLengths):
     load_factors: dict[str, Changing] | None = None
     discretisation: Flag = False
     solvers = INTEGRATORS
+    knows_loops = True
 
     def read_given(self):
         """Raise Bad unless names, units and times of what is given fit the robot."""
@@ -91,6 +94,8 @@ class Simulation(MovingLengths):
             raise Bad("start.coordinates", f"section {names[0]} is collapsed or turns too far at the start")
         if isinstance(self.solver, Cvodes) and len(self.driven) == self.robot.n:
             raise Bad("solver", "all coordinates are driven, so nothing is left to integrate; use `radau`")
+        if isinstance(self.solver, Cvodes) and self.robot.loops:
+            raise Bad("solver", "cvodes would let the loops drift open; use `radau` or `gauss`")
         self._refuse_early_ends()
         self._refuse_beyond_limits()
         self.refuse_lengths()
@@ -199,14 +204,17 @@ class Simulation(MovingLengths):
         """The motion as a Result, its energies held against the work done."""
         began, robot = time.perf_counter(), self.loaded
         plant = Plant(robot, self._inputs, self.driven, self.factors)
-        refuse_massless(plant)
+        begun = self._begun(plant, self.first_coordinates(), self._rates())
+        if begun.status is not None:
+            return Result(name=self.name, type="simulation", status=begun.status, question=self)
+        refuse_massless(plant, begun.q if robot.loops else None)
+        if robot.loops and self.by_length and not self.start.settled:
+            self.refuse_misfit(begun.q)
         plant = self.constrained(plant)
-        q, status = self._settled(plant, self.first_coordinates())
-        if status is not None:
-            return Result(name=self.name, type="simulation", status=status, question=self)
-        march = self._march(plant, q, self._rates(), progress)
+        march = self._march(plant, begun.q, begun.qd, progress)
         try:
             result = self.with_lengths(answered(self, plant, march, time.perf_counter() - began), march)
+            result = with_loops(result, plant, march, begun)
         except KeyboardInterrupt:
             status = Status("interrupted", "Stopped by the user after the motion; its states alone are kept.")
             arrays = {key: np.array(getattr(march, key)) for key in ("t", "q", "qd")}
@@ -223,19 +231,34 @@ class Simulation(MovingLengths):
         kind = HeldMarcher if isinstance(plant, Constrained) else Marcher
         return kind(plant, self.solver, self.outputs, weights, plant.robot.length).run(q, qd, progress)
 
-    def _settled(self, plant, q):
-        """(q [n] at t = 0, None), or (None, status) where no rest shape is found."""
-        if not self.start.settled:
-            return q, None
-        u = self.vector("inputs", self.start.inputs, "start.inputs") if self.start.inputs else plant.inputs(0.0)
+    def _begun(self, plant, q, qd):
+        """Begun: the state at t = 0 for one that is given, at rest if asked for, loops closed."""
+        robot, paths = plant.robot, plant.functions.parameters
         parameters = plant.parameters(0.0)
+        p = parameters[0] if parameters else None
+        if self.start.settled:
+            q, status = self._settled(plant, q, p)
+            if status is not None:
+                return Begun(q, qd, status)
+        if not robot.loops:
+            return Begun(q, qd)
+        driven = np.zeros(robot.n, dtype=bool)
+        driven[plant.driven] = True
+        named = {} if self.start.settled else self.start.coordinates
+        kept = [[robot.coordinates.index(name) for name in given or {} if name in robot.coordinates]
+                for given in (named, self.start.rates)]  # fmt: skip
+        plant.place(0.0, q, qd)
+        return Beginning(robot, driven, paths, p).begun(q, qd, *kept)
+
+    def _settled(self, plant, q, p):
+        """(q [n] at rest at t = 0, None), or (q, status) where no rest shape is found."""
+        u = self.vector("inputs", self.start.inputs, "start.inputs") if self.start.inputs else plant.inputs(0.0)
         robot, paths = replace(plant.robot, compiled=False), plant.functions.parameters  # solved once
-        balance = HeldBalance(robot, self.held, paths) if self.held else Balance(robot, paths)
-        held = {int(i): q[i] for i in plant.driven}
-        answer = balance.solve(u, q, p=parameters[0] if parameters else None, prescribed=held)
+        balance = balance_of(robot, self.held, paths)
+        answer = balance.solve(u, q, p=p, prescribed={int(i): q[i] for i in plant.driven})
         if answer.status.solved:
             return answer.q, None
-        return None, Status(answer.status.outcome, f"No shape at rest to start from. {answer.status.message}")
+        return q, Status(answer.status.outcome, f"No shape at rest to start from. {answer.status.message}")
 
     def _doubled(self, result, progress):
         """Largest change in time of each end's position when every section is halved, in metres; None if that fails."""
@@ -247,10 +270,12 @@ class Simulation(MovingLengths):
             marks = np.zeros(robot.n)
             marks[i] = 1.0
             driven |= {int(k): given for k in np.flatnonzero(spread(robot, fine, marks))}
-        plant = self.constrained(Plant(fine, self._inputs, driven, self.factors))
-        q, status = self._settled(plant, spread(robot, fine, result.arrays["q"][0]))
-        march = self._march(plant, q, spread(robot, fine, result.arrays["qd"][0]), progress) if status is None else None
-        if march is None or not march.status.solved:
+        plant = Plant(fine, self._inputs, driven, self.factors)
+        begun = self._begun(plant, *(spread(robot, fine, result.arrays[key][0]) for key in ("q", "qd")))
+        if begun.status is not None:
+            return None
+        march = self._march(self.constrained(plant), begun.q, begun.qd, progress)
+        if not march.status.solved:
             return None
         changes = {}
         for segment in robot.segments:
@@ -258,33 +283,3 @@ class Simulation(MovingLengths):
             there = np.array([np.array(pose(x))[:3, 3] for x in march.q])
             changes[segment] = float(np.max(np.linalg.norm(there - result.arrays[f"{segment}.position"], axis=1)))
         return changes
-
-
-def displacement_weights(robot):
-    """[n] metres that a unit of each coordinate moves the robot's ends at q = 0; turns count a tenth of its size."""
-    f, weights = robot.functions(), np.zeros(robot.n)
-    for segment in robot.segments:
-        J = np.array(f.jacobian(segment, 1.0).function(np.zeros(robot.n)))
-        moves = np.linalg.norm(J[3:], axis=0) + 0.1 * robot.length * np.linalg.norm(J[:3], axis=0)
-        weights = np.maximum(weights, moves)
-    return weights
-
-
-def refuse_massless(plant):
-    """Raise Bad where coordinates move no mass, so that no acceleration is distinct, naming them."""
-    rng = np.random.default_rng(0)
-    scale, shared = 1 / np.maximum(displacement_weights(plant.robot), 1e-300), None
-    for _ in range(3):
-        q = 0.1 * rng.standard_normal(plant.n) * np.minimum(scale, 1.0)
-        M = plant.tangents(0.0, q, np.zeros(plant.n))[0][np.ix_(plant.free, plant.free)]
-        size = np.sqrt(np.maximum(np.diag(M), 0.0))
-        loose = size <= WEIGHTLESS * np.max(size, initial=0.0)
-        if not loose.any() and M.size:
-            _, values, rows = np.linalg.svd(M / np.outer(size, size))
-            loose = np.abs(rows[values <= 1e-13]).max(axis=0, initial=0.0) > 0.1
-        shared = loose if shared is None else shared & loose
-    if shared is not None and shared.any():
-        names = [plant.robot.coordinates[plant.free[k]] for k in np.flatnonzero(shared)]
-        fix = "give what they move a body with mass (and inertia), or drive them under `coordinates:`"
-        raise Bad("robot", f"nothing that has mass moves with {joined(names, 'and')} (singular mass matrix); {fix}")
-

@@ -23,7 +23,6 @@ from socontrol.quantities import Bad, Fraction, joined, record
 
 KINDS = ("kinematic", "compliance", "actuation", "force")
 ORDER = ("translation", "rotation")
-SLACK = 1e-9  # of an input's size: a cable that pulls less holds nothing
 PER_COORDINATE = {  # unit of all coordinates: units of what they move, and of the force that balances theirs, by part
     "rad": {"kinematic": ("m/rad", "1"), "force": ("1/m", "1")},
     "m": {"kinematic": ("1", "rad/m"), "force": ("1", "m")},
@@ -221,15 +220,8 @@ class Place:
 
     def _with_lengths(self, K, B, sizes):
         """The tangent with held cables that stretch as springs; slopes and pushes [k x n] of those that do not."""
-        held, n = self.held, self.robot.n
-        if not held:
-            return K, np.zeros((0, n)), np.zeros((0, n))
-        A, rigid = Routes(self.robot)(self.q)[1], []
-        for k, i in enumerate(held.index):
-            if held.pulls[k] and self.u[i] <= SLACK * sizes[i]:
-                continue
-            if held.flexibility[k] > 0:
-                K = K + np.outer(B[:, i] / (held.gain[k] * held.flexibility[k] * held.length[k]), A[i])
-            else:
-                rigid.append(i)
-        return K, A[rigid], B[:, rigid].T
+        if not self.held:
+            return K, np.zeros((0, self.robot.n)), np.zeros((0, self.robot.n))
+        A = Routes(self.robot)(self.q)[1]
+        springs, slopes, pushes = self.held.holding(A, B, self.held.slack(self.u, sizes))
+        return K + springs, slopes, pushes.T

@@ -10,9 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from socontrol.programs.equilibria.balance import Balance, load_parameters
+from socontrol.programs.equilibria.balance import load_parameters
+from socontrol.programs.equilibria.held_balance import balance_of
 from socontrol.programs.looks.answer import Look
 from socontrol.programs.nlp.solver import Outcome
+from socontrol.programs.postures.closed import HELD
 from socontrol.programs.postures.costs import Cost
 from socontrol.programs.postures.goals import Goal, Path, locate
 from socontrol.programs.postures.paths import follow
@@ -40,7 +42,7 @@ class InverseStatics(Question):
     goals: dict[str, Goal]
     costs: dict[str, Cost] | None = None
     sensitivities: Flag = False
-    optimises = True
+    optimises, knows_loops = True, True
     asked = "inverse_statics"  # what results call this type
 
     def __post_init__(self):
@@ -126,17 +128,15 @@ class InverseSolver:
         if self.path:
             goals[self.path[0]] = self.path[1].stop(self.path[1].waypoints()[0])
         robot = question.loaded
-        self.balance = Balance(replace(robot, compiled=False), load_parameters(robot))  # a few solves: rest, starts
+        uncompiled = replace(robot, compiled=False)  # a few solves: rest, starts
+        self.balance = balance_of(uncompiled, parameters=load_parameters(robot))
         self.posture = Posture(question, goals, self.balance)
         self.look = Look(question, self.balance)
 
-    @cached_property
+    @property
     def rest(self):
-        """Equilibrium {q, u} without effort: inputs at 0 (or what is given, or the limit nearest 0)."""
-        lower, upper = self.posture.limits()["u"]
-        u = np.clip(np.zeros(self.question.robot.m), lower, upper)
-        answer = self.balance.solve(u, prescribed=self.posture.prescribed)
-        return {"q": answer.q if answer.status.solved else np.zeros(self.question.robot.n), "u": u}
+        """Equilibrium {variable: SI values} without effort."""
+        return self.posture.rest
 
     @cached_property
     def _resting(self):
@@ -163,8 +163,8 @@ class InverseSolver:
             return self.rest
         u = self.question.vector("inputs", given.inputs, "guess.inputs")
         if given.coordinates:
-            return {"q": self.question.vector("coordinates", given.coordinates, "guess.coordinates"), "u": u}
-        return {"q": self.balance.solve(u, prescribed=self.posture.prescribed).q, "u": u}
+            return self.posture.posed(self.question.vector("coordinates", given.coordinates, "guess.coordinates"), u)
+        return self.posture.posed(self.balance.solve(u, prescribed=self.posture.prescribed).q, u)
 
     def find(self, targets, start=None, warm=None):
         """(outcome, attempts) for {parameter: numbers}: the exact program from several starts, or the nearest one."""
@@ -178,9 +178,25 @@ class InverseSolver:
             return outcome
 
         try:
-            return self._find(parameters, attempt, attempts, start, warm), attempts
+            if self.posture.apart is not None:
+                return replace(self._resting, status=self.posture.apart), attempts
+            outcome = self._find(parameters, attempt, attempts, start, warm)
+            return self._on_all_rows(outcome, attempt), attempts
         except _Interrupted as stop:
             return stop.outcome, attempts
+
+    def _on_all_rows(self, outcome, attempt):
+        """The outcome; where its loops are held by other rows than those chosen at rest, found again with them."""
+        loops, q = self.posture.loops, outcome.values["q"]
+        if loops is None or not np.all(np.isfinite(q)) or loops.hold(q):
+            return outcome
+        other = self.posture.elsewhere(q)
+        nlp = other.nearest if outcome.status.outcome == "infeasible" or other.overdetermined else other.exact
+        found = attempt("other rows of the loops", nlp, guess=other.posed(q, outcome.values["u"]))
+        if not found.status.solved or loops.error(q) <= HELD < loops.error(found.values["q"]):
+            return outcome
+        self.posture = other
+        return replace(found, status=outcome.status)
 
     def _find(self, parameters, attempt, attempts, start, warm):
         posture = self.posture
@@ -190,7 +206,7 @@ class InverseSolver:
         if posture.overdetermined:
             near = attempt("nearest", posture.nearest, guess=start or self.guess())
             return self._several_starts(parameters, attempt, near, near)
-        if warm is not None:
+        if warm is not None and warm.lam_g.size == posture.exact.program.limits()[0].size:
             outcome = attempt("neighbour", posture.exact, warm=warm)
             if outcome.status.solved:
                 return outcome
@@ -236,7 +252,7 @@ class InverseSolver:
         for k in range(self.question.solver.starts):
             u = lower + (upper - lower) * rng.random(lower.size)
             q = self.balance.solve(u, self.rest["q"], prescribed=self.posture.prescribed).q
-            guess = {"q": q if np.all(np.isfinite(q)) else self.rest["q"], "u": u}
+            guess = self.posture.posed(q if np.all(np.isfinite(q)) else self.rest["q"], u)
             near = attempt(f"nearest, start {k + 1}", self.posture.nearest, guess=guess)
             if near.status.solved and (best is None or near.cost < best.cost - 1e-12):
                 best = near
@@ -286,14 +302,17 @@ class InverseSolver:
     def result(self, outcome, attempts, parameters, seconds):
         """Result of an outcome: values, misses, the independent look, and for a miss the way out."""
         question, posture = self.question, self.posture
-        q, u = outcome.values["q"], outcome.values["u"]
+        q = outcome.values["q"]
+        arrays, details = posture.told(outcome)
         solver = {"iterations": sum(a.iterations for a in attempts), "seconds": seconds}
         result = Result(
             name=question.name, type=question.asked, status=outcome.status, question=question, log=_log(attempts),
-            arrays={"q": q, "u": u}, solver=solver, details={"attempts": attempts, "targets": parameters},
+            arrays=arrays, solver=solver, details={"attempts": attempts, "targets": parameters, **details},
         )  # fmt: skip
         if not np.all(np.isfinite(q)):
             return result
+        if (open_ := posture.open(outcome)) is not None:
+            return replace(result, status=open_)
         residuals, misses = {}, posture.misses(q, parameters)
         for name, miss in misses.items():
             units = np.array(posture.goals[name].units())

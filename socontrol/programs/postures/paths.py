@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from socontrol.programs.looks.answer import FORCE_TOLERANCE
+from socontrol.programs.looks.answer import FORCE_TOLERANCE, LOOP_TOLERANCE
 from socontrol.programs.result import Status, Value
 
 CLOSED = 1e-6  # of its length: a path that ends this near to its beginning is closed
@@ -104,16 +104,20 @@ def _interrupted(outcome):
 
 
 class Seen:
-    """The independent look at one waypoint: unbalanced force, what is wrong with it, whether it is stable."""
+    """The independent look at one waypoint: unbalanced force, open loops, what is wrong, whether it is stable."""
 
     def __init__(self, solver, outcome, parameters, look):
-        q, u = outcome.values["q"], outcome.values["u"]
-        self.force = look.residuals(q, u, solver.posture.free)["force"].value
-        self.stable = look.stability(q, u, solver.posture.free).stable
+        arrays, _ = solver.posture.told(outcome)
+        q, u, lam, free = arrays["q"], arrays["u"], arrays.get("lam"), solver.posture.free
+        found = look.residuals(q, u, free, lam)
+        self.lam, self.force, self.open = lam, found["force"].value, found["loops"].value if "loops" in found else 0.0
+        self.stable = look.stability(q, u, free, lam).stable
         collapsed = look.collapsed(q)
         self.wrong = None
         if not self.force <= FORCE_TOLERANCE:
             self.wrong = f"the recomputed unbalanced force is {self.force:.2g} of the largest; use more Gauss points"
+        elif not self.open <= LOOP_TOLERANCE:
+            self.wrong = f"a recomputed loop is {self.open:.2g} m or rad open; give a guess"
         elif collapsed:
             self.wrong = f"collapsed or over-bent: {', '.join(collapsed)}"
         elif not solver.meets(outcome, parameters):
@@ -158,9 +162,13 @@ def gathered(solver, done, look_at=None):
         residuals[f"goals.{name}"] = Value(float(max(misses)), "m")
     if seen:
         residuals["force"] = Value(max(look.force for look in seen), "1")
+    if seen and question.robot.loops:
+        residuals["loops"] = Value(max(look.open for look in seen), "m, rad")
     status = _status(done, result.status, seen)
     arrays = {**result.arrays, "path.q": q, "path.u": u, "path.tip": tips,
               "path.target": path.beside(path.waypoints(), tips), "path.miss": np.array(misses)}  # fmt: skip
+    if seen and question.robot.loops:
+        arrays["path.lam"] = np.array([look.lam for look in seen])
     details = {**result.details, "waypoints": done.count, "waypoints_solved": len(rows),
                "too_fast": done.stopped is not None and done.stopped.outcome == "infeasible"}  # fmt: skip
     return replace(result, status=status, arrays=arrays, residuals=residuals, details=details)

@@ -2,8 +2,9 @@
 
     minimise   sum costs + sum_weighted w |miss / scale|^2 / 2
     subject to r(q, u) = 0,  miss_exact(q) = 0,  limits on q and u
-The equilibrium brings its own tangent dr/dq = K_tot, dr/du = -B and curvature sum_i lam_i d2r_i: for loads with a
-potential the latter is the derivative of K_tot along lam, one forward sweep instead of n.
+The equilibrium brings its own tangent dr/dq = K_tot, dr/du = -B and curvature sum_i mu_i d2r_i: for loads with a
+potential the latter is the derivative of K_tot along mu, one forward sweep instead of n. Loops add their multipliers
+lam to the unknowns, r(q, u) - E^T lam = 0 with E = de/dq, and the rows e(q) = 0.
 """
 
 from functools import cached_property
@@ -15,7 +16,9 @@ from socontrol.mechanics.kinematics import Kinematics
 from socontrol.mechanics.statics import Statics
 from socontrol.programs.nlp.program import Program
 from socontrol.programs.nlp.solver import NLP
+from socontrol.programs.postures.closed import HELD, ClosedRows
 from socontrol.programs.postures.costs import Effort
+from socontrol.programs.result import Status
 from socontrol.quantities import Bad
 
 NEAREST = 100.0  # weight of a miss over the robot's length in the search for the nearest posture
@@ -47,6 +50,61 @@ class Posture:
         return self._nlp(False, anchored=True)
 
     @cached_property
+    def _resting(self):
+        """Equilibrium without effort: inputs at 0 (or what is given, or the limit nearest 0)."""
+        return self.balance.solve(self._least_inputs, prescribed=self.prescribed)
+
+    @property
+    def _least_inputs(self):
+        return np.clip(np.zeros(self.robot.m), *self._input_limits())
+
+    @cached_property
+    def loops(self):
+        """ClosedRows, chosen where the robot rests; None without loops."""
+        return ClosedRows(self.balance, self.free, self._resting.q) if self.robot.loops else None
+
+    @cached_property
+    def apart(self):
+        """Status of loops that cannot close; None where they can."""
+        if self.loops is None or self.loops.error(self._resting.q) <= HELD:
+            return None
+        return self._resting.status
+
+    @cached_property
+    def rest(self):
+        """{variable: SI values} at rest without effort; of a robot that finds no rest q = 0, or closed loops."""
+        settled = self._resting.status.solved or self.robot.loops
+        return self.posed(self._resting.q if settled else np.zeros(self.robot.n), self._least_inputs)
+
+    def posed(self, q, u):
+        """{variable: SI values} of coordinates under inputs: where a program may start."""
+        return {"q": q, "u": u} | ({} if self.loops is None else {"lam": self.loops.pushing(q, u)})
+
+    def told(self, outcome):
+        """(arrays q, u and lam, details) of an outcome: lam the least that pushes alike."""
+        values = {key: outcome.values[key] for key in ("q", "u")}
+        if self.loops is None or not np.all(np.isfinite(values["q"])):
+            return values, {}
+        lam = self.loops.least(values["q"], outcome.values["lam"])
+        return {**values, "lam": lam}, {"redundant_rows": self.balance.redundant(values["q"], self.free)}
+
+    def open(self, outcome):
+        """Status of loops that cannot close, none where an outcome leaves none open; within limits, or at all."""
+        q = outcome.values["q"]
+        if self.loops is None or outcome.status.outcome != "infeasible" or self.loops.error(q) <= HELD:
+            return None
+        if self.apart is not None:
+            return self.apart
+        told = self.loops.told(q)
+        return Status(told.outcome, f"Within the limits, {told.message[0].lower()}{told.message[1:]}")
+
+    def elsewhere(self, q):
+        """The same question with the rows of loops that hold them near q."""
+        other = Posture(self.question, self.goals, self.balance)
+        other._resting, other.loops = self._resting, self.loops.elsewhere(q)
+        return other
+
+    @cached_property
     def free(self):
         """Mask [n] of coordinates that are not prescribed."""
         mask = np.ones(self.robot.n, dtype=bool)
@@ -71,11 +129,17 @@ class Posture:
 
     def limits(self):
         """{variable: (lower, upper)} with given inputs and prescribed coordinates held."""
-        pairs = {"q": self.question.coordinate_limits(), "u": self.question.input_limits()}
-        for key, held in (("q", self.prescribed), ("u", self.given)):
-            for i, value in held.items():
-                pairs[key][0][i] = pairs[key][1][i] = value
-        return pairs
+        lower, upper = self.question.coordinate_limits()
+        for i, value in self.prescribed.items():
+            lower[i] = upper[i] = value
+        pairs = {"q": (lower, upper), "u": self._input_limits()}
+        return pairs if self.loops is None else {**pairs, "lam": self.loops.limits()}
+
+    def _input_limits(self):
+        lower, upper = self.question.input_limits()
+        for i, value in self.given.items():
+            lower[i] = upper[i] = value
+        return lower, upper
 
     def program(self, nearest=False, anchored=False):
         """The program as declared: one can add to it before it is made ready."""
@@ -86,10 +150,12 @@ class Posture:
         changing = {path: program.parameter(path, robot.value(path)) for path in self.balance.parameters}
         arguments = (q, u, ca.vertcat(*changing.values()))[: self.balance.function.n_in()]
         terms = Terms(self.balance, q, u, self.balance.function(*arguments), program.variables["q"].symbol, changing)
+        equilibrium = terms.residual, {"q": terms.tangent, "u": -terms.actuation}, terms.curvature
+        residual, tangent, curvature = self.loops.joined(program, *equilibrium) if self.loops else equilibrium
         slack = np.where(self.free, 0.0, np.inf)
         program.constrain(
-            "equilibrium", terms.residual, lower=-slack, upper=slack, scale=s.force, unit="scaled",
-            tangent={"q": terms.tangent, "u": -terms.actuation}, curvature=terms.curvature,
+            "equilibrium", residual, lower=-slack, upper=slack, scale=s.force, unit="scaled",
+            tangent=tangent, curvature=curvature,
         )  # fmt: skip
         if held := getattr(self.question, "held", None):
             lengths = robot.functions(compiled=False).actuator_lengths.function(q)
@@ -112,7 +178,7 @@ class Posture:
         for cost in (self.question.costs or {"effort": Effort()}).values():
             program.minimize(weight * cost.expression(terms))
         if anchored:
-            pull, anchor = (program.parameter(key, np.zeros(robot.n + robot.m)) for key in ("pull", "anchor"))
+            pull, anchor = (program.parameter(key, np.zeros(program.scale.size)) for key in ("pull", "anchor"))
             program.minimize(ca.dot(pull, (program.x - anchor) ** 2) / 2)
         return program
 
@@ -160,14 +226,14 @@ class Terms:
     def elastic_energy(self):
         return self.statics.elastic_energy()
 
-    def curvature(self, lam):
-        """Blocks of sum_i lam_i d2 r_i for (q, q) and (q, u)."""
+    def curvature(self, mu):
+        """Blocks of sum_i mu_i d2 r_i for (q, q) and (q, u)."""
         if self._conservative:
-            along = ca.jtimes(ca.vec(self.tangent), self._hat, lam / ca.DM(self.q_scale))
+            along = ca.jtimes(ca.vec(self.tangent), self._hat, mu / ca.DM(self.q_scale))
             qq = ca.reshape(along, self.tangent.shape)
         else:
-            qq = ca.jacobian(self.tangent.T @ lam, self._hat) @ ca.diag(1 / ca.DM(self.q_scale))
-        return {("q", "q"): qq, ("q", "u"): -self.statics.actuation_gradient(lam)}
+            qq = ca.jacobian(self.tangent.T @ mu, self._hat) @ ca.diag(1 / ca.DM(self.q_scale))
+        return {("q", "q"): qq, ("q", "u"): -self.statics.actuation_gradient(mu)}
 
 
 def goal_rows(name, goal, kind, robot, kin, target):

@@ -66,6 +66,8 @@ class Reduced:
         self.inverse = isinstance(question, InverseStatics)
         if not self.inverse and not isinstance(question, Statics):
             raise TypeError("a statics or inverse_statics question is wanted")
+        if self.robot.loops:
+            raise ValueError("it has loops, which a solver in C does not know yet; a robot file gives plain functions")
         self.solver = InverseSolver(question) if self.inverse else None
         self.paths = load_paths(self.robot)
         self.balance = self.solver.balance if self.inverse else Balance(self.robot, load_parameters(self.robot))

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from socontrol.programs.equilibria.held_balance import balance_of
-from socontrol.programs.equilibria.lengths import KEYS, LengthQuestion
+from socontrol.programs.equilibria.least_energy import least_rest, undecided
+from socontrol.programs.equilibria.lengths import LengthQuestion
 from socontrol.programs.looks.answer import FORCE_TOLERANCE, LOOP_TOLERANCE, Look
 from socontrol.programs.result import Result, Status, Value
-from socontrol.quantities import Bad, joined, record
+from socontrol.quantities import joined, record
 
 
 @record(kw_only=True)
@@ -17,12 +18,6 @@ class Statics(LengthQuestion):
     """Where does the robot come to rest under these inputs, lengths and loads?"""
 
     knows_loops = True
-
-    def read_given(self):
-        super().read_given()
-        if self.robot.loops and self.held:
-            key = next(key for key in KEYS if getattr(self, key))
-            raise Bad(key, "the robot has loops, which inputs by length do not know yet; give `inputs`")
 
     def prepare(self):
         return StaticsSolver(self)
@@ -53,7 +48,7 @@ class StaticsSolver:
         q0 = question.vector("coordinates", question.guess.coordinates, "guess.coordinates")
         began = time.perf_counter()
         limit = question.solver.max_iterations
-        answer = self.balance.solve(u, q0, prescribed=self.prescribed, max_iterations=limit)
+        answer, tried = self._answer(u, q0, limit)
         seconds = time.perf_counter() - began
         u = getattr(answer, "u", u)
         result = Result(
@@ -62,11 +57,27 @@ class StaticsSolver:
         )  # fmt: skip
         if question.robot.loops:
             redundant = self.balance.redundant(answer.q, self.free)
-            result = replace(result, arrays={**result.arrays, "lam": answer.lam}, details={"redundant_rows": redundant})
+            details = {"redundant_rows": redundant, **({"shapes": tried} if tried else {})}
+            result = replace(result, arrays={**result.arrays, "lam": answer.lam}, details=details)
         if not answer.status.solved:
             return result
         result = looked_at(result, self.look, self.free, self.prescribed)
         return self._told_of_lengths(result, answer) if question.held else result
+
+    def _answer(self, u, q0, limit):
+        """(equilibrium from q0, {}); where loops may close in several ways and no guess says how, the one of least
+        energy among several, and what was tried."""
+        robot, balance = self.question.robot, self.balance
+        told = self.question.held or self.question.guess.coordinates or not self.look.conservative(u)
+        if not robot.loops or told or not undecided(balance, self.prescribed):
+            return balance.solve(u, q0, prescribed=self.prescribed, max_iterations=limit), {}
+        answer, tried = least_rest(
+            balance, u, self.prescribed, lambda a: self.look.stability(a.q, u, self.free, a.lam).stable, limit
+        )
+        if tried["rests"] > 1:
+            message = f"{answer.status.message} Of {tried['rests']} rests found it has the least energy"
+            answer = replace(answer, status=replace(answer.status, message=f"{message}; a `guess` leads to others."))
+        return answer, tried
 
     def _told_of_lengths(self, result, answer):
         """The result with what its lengths leave open: slack cables, and tensions that they do not decide."""
@@ -123,6 +134,9 @@ def looked_at(result, look, free, prescribed, residuals=None):
                "limits": limits}  # fmt: skip
     values = {**result.values, **look.values(q, u, lam)}
     values["stability.smallest_eigenvalue"] = Value(stable.smallest, "1")
+    if not look.question.optimises and (moved := look.displacement(q, prescribed)):
+        values["largest_displacement"] = Value(moved[0], "m")
+        details["largest_displacement"] = {"segment": moved[1], "at": moved[2]}
     if prescribed:
         r = look.unbalanced(q, u, lam)[0]
         units = {"rad": "N m", "m": "N"}

@@ -23,7 +23,8 @@ def explain(solver, result, outcome, parameters):
         if posture.goals[name].weight is None:
             units = np.array(posture.goals[name].units())
             short[name] = {str(unit): float(np.linalg.norm(miss[units == unit])) for unit in dict.fromkeys(units)}
-    short |= {f"lengths.{name}": {"m": gap} for name, gap in solver.look.gaps(**outcome.values).items()}
+    gaps = solver.look.gaps(outcome.values["q"], outcome.values["u"])
+    short |= {f"lengths.{name}": {"m": gap} for name, gap in gaps.items()}
     values = {f"short.{n}": Value(x, unit) for n, by_unit in short.items() for unit, x in list(by_unit.items())[:1]}
     details = {**result.details, "unreachable": rows, "short": short}
     sentence = _too_many(short, *posture.counts) if posture.overdetermined else _sentence(short, rows)

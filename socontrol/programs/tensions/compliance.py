@@ -52,7 +52,7 @@ def braced(solver, result):
     """
     began, asked, program = time.perf_counter(), solver.question.compliance, solver.posture.exact.program
     parameters = result.details["targets"]
-    at = program.stack({"q": result.arrays["q"], "u": result.arrays["u"]})
+    at = program.stack(solver.posture.posed(result.arrays["q"], result.arrays["u"]))
     search = Range(solver, asked, parameters, at)
     ends = search.ends()
     here, arrays = search.answer, {}

@@ -89,11 +89,11 @@ class Range:
         posture, program = self.solver.posture, self.redundancy.program
         x = self.answer.here.x.copy()
         x[self.redundancy.y] = wanted
-        guess = program.split(x)
-        guess["q"] = posture.balance.solve(guess["u"], prescribed=posture.prescribed).q
-        if not np.all(np.isfinite(guess["q"])):
+        u = program.split(x)["u"]
+        q = posture.balance.solve(u, prescribed=posture.prescribed).q
+        if not np.all(np.isfinite(q)):
             return None
-        outcome = posture.exact.solve(guess=guess, parameters=self.parameters)
+        outcome = posture.exact.solve(guess=posture.posed(q, u), parameters=self.parameters)
         if outcome.status.outcome == "interrupted":
             raise KeyboardInterrupt
         return self.redundancy.settled(outcome.x) if outcome.status.solved else None

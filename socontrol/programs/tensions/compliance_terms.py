@@ -133,7 +133,7 @@ class Compliances:
         _, K, B = balance.evaluate(np.zeros(self.robot.n), np.zeros(self.robot.m))
         K = (K * scales.q / scales.force[:, None])[free][:, free]
         drive = (B * scales.u / scales.force[:, None])[free]
-        slopes = self._measures(zero)[1].T[:, self.q]
+        slopes = self._measures(zero)[1].T[:, self._redundancy.coordinates]
         return np.maximum(np.abs(np.sum(slopes.T * np.linalg.lstsq(K, drive, rcond=None)[0], axis=0)), 1e-300)
 
     @cached_property
@@ -166,6 +166,10 @@ class Compliances:
         way, back = ca.SX.sym("way", x.numel()), ca.SX.sym("back", x.numel())
         t_back, weights = ca.SX.sym("t_back", self.robot.m), ca.SX.sym("weights", self.robot.m)
         rows = ca.dot(back[where["q"].where], ca.jtimes(residual, x, way))
+        if "loops" in self._redundancy.program.constraints:
+            loops = made["g"][self._redundancy.program.constraints["loops"].where]
+            bearing = self.q[self._redundancy.coordinates.size :].tolist()
+            rows += ca.dot(back[bearing], ca.jtimes(loops, x, way))
         stretched = ca.jtimes(lengths, x, way) - own * way[where["u"].where]
         change = ca.jtimes(place, x, way + back / self._scales.energy) - rows - ca.dot(t_back * weights, stretched)
         arguments = [x, made["p"], way, back, t_back, weights]

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from socontrol.programs.equilibria.balance import Balance
+from socontrol.programs.equilibria.held_balance import balance_of
 from socontrol.programs.looks.answer import Look
 from socontrol.programs.postures.posture import Posture
 
@@ -22,7 +22,8 @@ def directed(solver):
     if not directions.paths:
         return solver, None
     own, robot = copy.copy(solver), solver.question.loaded
-    own.balance = Balance(replace(robot, compiled=False), [*solver.balance.parameters, *directions.paths.values()])
+    parameters = [*solver.balance.parameters, *directions.paths.values()]
+    own.balance = balance_of(replace(robot, compiled=False), parameters=parameters)
     own.posture = Posture(solver.question, solver.posture.goals, own.balance)
     own.look = directions.look(own.balance, directions.declared)
     return own, directions
@@ -88,3 +89,9 @@ class _Held:
 
     def evaluate(self, q, u, p=None):
         return self._balance.evaluate(q, u, self._p)
+
+    def unbalanced(self, q, u, lam, p=None):
+        return self._balance.unbalanced(q, u, lam, self._p)
+
+    def held(self, q, free):
+        return self._balance.held(q, free)

@@ -47,12 +47,17 @@ class InOrder:
     parameters) where the first is sought."""
 
     def __init__(self, solver, pace, directions=None, rates=(), *, free=None, begin=None):
-        self.solver, self.pace, self.posture, self.rates = solver, pace, solver.posture, rates
+        self.solver, self.pace, self.rates = solver, pace, rates
         self._rows = any(rate.letter == "l" for rate in rates)  # those of inputs alone are bounds
         begin = free.rows[0] if free else begin
         self._begin = begin[0] if begin else None
         self._free, self._warm, self._directions = free, None, directions
         self._ways = directions.ways(begin[1] if begin else directions.declared) if directions else {}
+
+    @property
+    def posture(self):
+        """The solver's own, which may hold its loops by other rows from a waypoint on."""
+        return self.solver.posture
 
     def __call__(self, k, targets, before):
         """(outcome, attempts, further parameters); raises Stop where rates forbid it."""

@@ -211,12 +211,12 @@ class Together:
 
     def _filled(self, array):
         x = self.program.guess.copy()
-        for name, size in (("q", self.solver.question.robot.n), ("u", self.solver.question.robot.m)):
-            x[self.places(name)] = array(name, size)
+        for name, own in self.single.variables.items():
+            x[self.places(name)] = array(name, own.guess.size)
         return x
 
     def _single(self, outcome, k):
-        values = {name: outcome.values[self.places(name)[k]] for name in ("q", "u")}
+        values = {name: outcome.values[self.places(name)[k]] for name in self.single.variables}
         return replace(outcome, values=values, x=outcome.x[self.where[k]], lam_x=outcome.lam_x[self.where[k]], log="")
 
     def cost(self, array):

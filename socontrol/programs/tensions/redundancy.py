@@ -2,7 +2,8 @@
 
 With x = (q, y) the scaled unknowns of the question's program, q follows from y through the equilibrium r(q, y) = 0,
     dq = -(dr/dq)^-1 (r + dr/dy dy),
-and what is left are the other conditions c(q, y) (goals, given lengths) and all limits, linear in dy. A quantity is
+and what is left are the other conditions c(q, y) (goals, given lengths) and all limits, linear in dy. Multipliers of
+loops follow from y like coordinates do, with the loops' rows beside the equilibrium. A quantity is
 made small by steps of sequential quadratic programming in y, each followed by Newton steps back to the conditions, so
 that every point on the way is a stable equilibrium that meets them. Source: J. Nocedal, S. Wright, "Numerical
 Optimization", 2006, ch. 18 (damped BFGS: procedure 18.2).
@@ -30,10 +31,12 @@ RANK = 1e-9  # of the conditions' derivatives
 
 @dataclass(frozen=True)
 class Posed:
-    """A posture: x; its scaled tangent dr/dq and dr/dy on the free coordinates; and, for a step dy, what q moves by,
-    `shift + slopes dy`, and the other rows' values, `rows + tilt dy`. miss: largest violation of all conditions."""
+    """A posture: x; its scaled tangent dr/dq and dr/dy on the `free` coordinates, and on multipliers of loops after
+    them; and, for a step dy, what q moves by, `shift + slopes dy`, and the other rows' values, `rows + tilt dy`. miss:
+    largest violation of all conditions."""
 
     x: np.ndarray
+    free: int
     tangent: np.ndarray
     drive: np.ndarray
     shift: np.ndarray
@@ -44,8 +47,12 @@ class Posed:
 
     @cached_property
     def smallest(self):
-        """Smallest eigenvalue of the tangent (real part where it is not symmetric): above 0 the posture is stable."""
-        K = self.tangent
+        """Smallest eigenvalue of the tangent (real part where it is not symmetric), of the motions that loops leave:
+        above 0 the posture is stable."""
+        K, E = self.tangent[: self.free, : self.free], self.tangent[self.free :, : self.free]
+        if len(E):
+            Z = np.linalg.svd(E)[2][len(E) :].T
+            K = Z.T @ K @ Z
         if not K.size:
             return np.inf
         if np.max(np.abs(K - K.T)) <= 1e-9 * np.max(np.abs(K)):
@@ -58,16 +65,20 @@ class Redundancy:
 
     def __init__(self, solver, parameters):
         posture, self.program = solver.posture, solver.posture.exact.program
-        made, equilibrium = posture.exact.functions, self.program.constraints["equilibrium"].where
+        made, balance = posture.exact.functions, _places(self.program.constraints, "equilibrium")[posture.free]
         answers = [ca.densify(e) for e in made["jac_g"](made["nlp"]["x"], made["nlp"]["p"])]
         self._rows = buffered(ca.Function("conditions", [made["nlp"]["x"], made["nlp"]["p"]], answers))
         self.p = self.program.stack_parameters(parameters)
-        size, q = self.program.scale.size, self.program.variables["q"].where
-        self.q = np.arange(size)[q][posture.free]
-        self.y = np.setdiff1d(np.arange(size), np.arange(size)[q])
+        shape, bearing = (_places(self.program.variables, name) for name in ("q", "lam"))
+        pushing = bearing[posture.loops.index] if posture.loops else bearing
+        self.coordinates = shape[posture.free]
+        self.q = np.concatenate([self.coordinates, pushing])
+        self.y = np.setdiff1d(np.arange(self.program.scale.size), np.concatenate([shape, bearing]))
         lower, upper = self.program.limits()
-        self._balance = np.arange(lower.size)[equilibrium][posture.free]
-        self._others = np.setdiff1d(np.arange(lower.size), np.arange(lower.size)[equilibrium])
+        closing = _places(self.program.constraints, "loops")
+        self._balance = np.concatenate([balance, closing])
+        every = np.concatenate([_places(self.program.constraints, "equilibrium"), closing])
+        self._others = np.setdiff1d(np.arange(lower.size), every)
         self._limits = lower[self._others], upper[self._others]
         self.bounds = self.program.bounds(posture.limits())
         self._qp = _quadratic(self.y.size, self.q.size + self._others.size)
@@ -88,7 +99,7 @@ class Redundancy:
         beyond = np.maximum(self._limits[0] - g[O], g[O] - self._limits[1])
         miss = max(np.max(np.abs(g[E]), initial=0.0), np.max(beyond, initial=0.0))
         rows, tilt = g[O] + J[np.ix_(O, F)] @ shift, J[np.ix_(O, Y)] + J[np.ix_(O, F)] @ slopes
-        return Posed(x, K, drive, shift, slopes, rows, tilt, float(miss))
+        return Posed(x, self.coordinates.size, K, drive, shift, slopes, rows, tilt, float(miss))
 
     def within(self, lower=None, upper=None):
         """The same postures under narrower limits (scaled, by index of x)."""
@@ -192,6 +203,12 @@ class Redundancy:
         if not self._qp.stats()["success"] or not np.all(np.isfinite(dy)):
             return None, None
         return dy, np.array(found["lam_a"]).ravel()
+
+
+def _places(declared, name):
+    """Places of a variable or constraint among all; none where it is not declared."""
+    where = declared[name].where if name in declared else slice(0, 0)
+    return np.arange(where.start, where.stop)
 
 
 def _quadratic(size, rows):
