@@ -3,7 +3,8 @@
 What inputs u leave unmet, B u - tau, displaces the robot by dq = K^-1 (B u - tau). Made small, each far before the
 next: the miss of the tracked points J dq + miss over the robot's length, the energy of dq, the effort, which counts
 from the inputs at rest where they are known. K is the tangent at rest and a little mass, M over the duration squared,
-so that robots without stiffness are displaced as by Gauss's principle of least constraint.
+so that robots without stiffness are displaced as by Gauss's principle of least constraint. Loops bear what they can:
+dq is among the motions they leave, and K the tangent with the force A^T lam that they add.
 """
 
 from dataclasses import dataclass
@@ -97,20 +98,32 @@ class Fit:
 
 class Fitter:
     """Inputs of a plant within limits (lower [m], upper [m]) at states of a motion; rates (low [m], high [m]): how fast
-    they may change, a second; duration [s]: time in which masses yield."""
+    they may change, a second; duration [s]: time in which masses yield; loops: Closing of the plant, or None."""
 
-    def __init__(self, plant, tracked, limits, rates, duration):
+    def __init__(self, plant, tracked, limits, rates, duration, loops=None):
         robot, s = plant.robot, scales(plant.robot)
-        self.plant, self.tracked, self.size = plant, tracked, s.u
+        self.plant, self.tracked, self.size, self.loops = plant, tracked, s.u, loops
         self.limits, self.rates = limits, rates
         self._own, self._energy, self._yielding = plant.free, s.energy, duration**-2
         zero, grid = np.zeros(robot.n), np.ix_(plant.free, plant.free)
         K = np.array(ca.DM(Statics(robot, ca.DM(zero)).stiffness()))
         M, _, _ = plant.yielding(zero, zero, np.zeros(robot.m))
-        size = s.q[plant.free]
-        values, V = np.linalg.eigh((K + M * self._yielding)[grid] * np.outer(size, size) / s.energy)
+        self._size = s.q[plant.free]
+        self._stiffness = (K + M * self._yielding)[grid] * np.outer(self._size, self._size) / s.energy
+        self._whole = None if loops else self._units(np.eye(self._size.size))
+
+    def _units(self, Z):
+        """Displacements [n_f x d] along Z, of unit energy at q = 0."""
+        values, V = np.linalg.eigh(Z.T @ self._stiffness @ Z)
         values = np.maximum(values, FLAT * np.max(values, initial=0.0))
-        self._unit = size[:, None] * V / np.sqrt(values)  # displacements [n_f x n_f] of unit energy at q = 0
+        return self._size[:, None] * (Z @ V) / np.sqrt(values)
+
+    def closed(self, motion):
+        """The motion with its loops closed, None where they do not close."""
+        if not self.loops:
+            return motion
+        found, status = self.loops.closed(motion)
+        return found if status is None else None
 
     def within(self, before, dt):
         """Limits (lower [m], upper [m]) of inputs that were `before` [m] dt seconds ago."""
@@ -119,11 +132,15 @@ class Fitter:
 
     def fit(self, motion, k, near, limits=None):
         """Fit at sample k of a Wanted motion; `near`: inputs at about this time."""
-        own, unit, plant, state = self._own, self._unit, self.plant, motion.state(k)
+        own, plant, state = self._own, self.plant, motion.state(k)
         M, K, _ = plant.yielding(*state[:2], near)
+        unit = self._whole
+        if self.loops:
+            unit = self._units(self.loops.left(state[0]))
+            K = K - self.loops.turning(state[0], self.loops.shared(state[0], plant.missing(*state, near))[0])
         columns = plant.columns(*state, self.size) * self.size
         forces = np.column_stack([columns, -plant.missing(*state, 0 * near)])[own]
-        moved = self._softness((K + M * self._yielding)[np.ix_(own, own)]) @ (unit.T / self._energy) @ forces
+        moved = self._softness((K + M * self._yielding)[np.ix_(own, own)], unit) @ (unit.T / self._energy) @ forces
         miss, J = self.tracked(state[0], motion.targets[k])
         seen = J[:, own] @ unit @ moved
         seen[:, -1] += miss
@@ -143,9 +160,9 @@ class Fitter:
             x = rest = bounded(R, c + EFFORT * Q[-m:].T @ rest, lower, upper, x)
         return x
 
-    def _softness(self, K):
+    def _softness(self, K, unit):
         """Inverse of the tangent in displacements of unit energy; where it gives way or nearly so, as if it did not."""
-        K = self._unit.T @ K @ self._unit / self._energy
+        K = unit.T @ K @ unit / self._energy
         even = (K + K.T) / 2
         try:
             np.linalg.cholesky(even - SOFTEST * np.eye(K.shape[0]))

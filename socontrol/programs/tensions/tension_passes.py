@@ -89,7 +89,9 @@ def passed(fitter, wanted, near, weights, length, most=PASSES, progress=None):
     first = sampled(fitter, wanted, near, progress, "pass 1")
     best, size = Passes(wanted, first, wanted, first, 1), _largest(first, weights)
     while best.count < most and size > NOTHING * length:
-        motion = best.followed.moved(best.last.dq)
+        motion = fitter.closed(best.followed.moved(best.last.dq))
+        if motion is None:
+            break
         found = sampled(fitter, motion, first.u[0], progress, f"pass {best.count + 1}")
         own = _largest(found, weights)
         if own > BETTER * size:

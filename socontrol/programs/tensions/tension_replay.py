@@ -5,18 +5,34 @@ import numpy as np
 
 from socontrol.native.buffers import buffered
 from socontrol.programs.motions.charts import Charts
+from socontrol.programs.motions.conditions import Constrained
+from socontrol.programs.motions.held_march import HeldMarcher
 from socontrol.programs.motions.integrators import Marcher, Radau
 from socontrol.programs.motions.motion_answer import ends
 from socontrol.programs.motions.plant import WORKS, Plant
 from socontrol.programs.motions.signals import History
 from socontrol.programs.motions.simulation import displacement_weights
+from socontrol.programs.motions.ties import Ties
 from socontrol.programs.plans.replay import Replayed
 
 SHARE, LOOSEST, TIGHTEST = 0.01, 1e-4, 1e-10  # tolerance of a step: of that of the motion; its limits
 STEPS = 1000  # for each sample: more are a motion that runs away
 
 
-class Pulled(Plant):
+class _Played:
+    """Inputs that go in straight lines through samples."""
+
+    def play(self, times, u):
+        """From now on the inputs are u [K x m] at times [K]."""
+        self._times, self._u = times, u
+        self._slopes = np.diff(u, axis=0) / np.diff(times)[:, None]
+
+    def inputs(self, t):
+        k = min(max(int(np.searchsorted(self._times, t, side="right")) - 1, 0), len(self._times) - 2)
+        return self._u[k] + (t - self._times[k]) * self._slopes[k]
+
+
+class Pulled(_Played, Plant):
     """A robot whose inputs go in straight lines through samples; coordinates {index: value} are held."""
 
     def __init__(self, robot, held):
@@ -41,14 +57,9 @@ class Pulled(Plant):
         M, K, D = self._tangents(q, qd, u)
         return M.T, K.T, D.T
 
-    def play(self, times, u):
-        """From now on the inputs are u [K x m] at times [K]."""
-        self._times, self._u = times, u
-        self._slopes = np.diff(u, axis=0) / np.diff(times)[:, None]
 
-    def inputs(self, t):
-        k = min(max(int(np.searchsorted(self._times, t, side="right")) - 1, 0), len(self._times) - 2)
-        return self._u[k] + (t - self._times[k]) * self._slopes[k]
+class _PulledClosed(_Played, Constrained):
+    """A Pulled whose loops stay closed."""
 
 
 class _Unasked(Marcher):
@@ -58,15 +69,27 @@ class _Unasked(Marcher):
         return np.zeros(len(WORKS) + 6)
 
 
+class _UnaskedClosed(HeldMarcher):
+    """The same of a robot with loops, of which nobody asks the forces either."""
+
+    _worked = _Unasked._worked
+
+    def _keep(self, t, q, qd, work):
+        n = self.plant.robot.n
+        self.march.keep(t, q[:n], qd[:n], work)
+
+
 def simulated(plant, motion, u, tolerance, progress=None):
-    """Replayed: from the beginning of a motion under inputs u [K x m], recorded at its times [K]; tolerance: of the
-    motion, of the robot's length."""
-    times = motion.t
+    """Replayed: from the beginning of a motion under inputs u [K x m], recorded at its times [K], loops kept closed;
+    tolerance: of the motion, of the robot's length."""
+    times, kind = motion.t, _Unasked
     plant.play(times, u)
+    if plant.robot.loops:
+        plant, kind = _PulledClosed(plant, None, Ties(plant.robot, plant.free)), _UnaskedClosed
     robot, every = plant.robot, float(times[1] - times[0])
     settings = Radau(tolerance=float(np.clip(SHARE * tolerance, TIGHTEST, LOOSEST)), longest_step=every,
                      first_step=every, max_steps=STEPS * len(times))  # fmt: skip
-    march = _Unasked(plant, settings, times, displacement_weights(robot), robot.length)
+    march = kind(plant, settings, times, displacement_weights(robot), robot.length)
     march.charts = Charts(robot, range(robot.n))  # all kept, as the wanted motion keeps them
     march = march.run(motion.q[0], motion.qd[0], progress)
     q = np.array(march.q)
