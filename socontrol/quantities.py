@@ -15,6 +15,7 @@ from socontrol.records import (  # noqa: F401  everyone takes records and quanti
     Bad,
     Either,
     OneOf,
+    Text,
     adapter,
     affinity,
     classes,

@@ -106,6 +106,13 @@ def is_symbolic(value):
 
 # Families and forms
 
+@dataclasses.dataclass(frozen=True)
+class Text:
+    """Metadata of a text: what is `wanted`, in words."""
+
+    wanted: str
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class OneOf:
     """A mapping whose `type` names a record of `table`; its other keys fill that record."""

@@ -18,7 +18,8 @@ from scipy.special import ellipe, ellipk
 import socontrol as so
 from socontrol.cli import run
 from socontrol.files.loader import FileError
-from socontrol.programs.postures.continuation import _Search
+from socontrol.programs.postures.continuation import family_of
+from socontrol.report.branch_shapes import LoadPath
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 
@@ -98,14 +99,14 @@ def buckled():
 @pytest.mark.parametrize("kind", COLUMNS)
 def test_a_column_buckles_at_the_load_of_its_sections_and_comes_to_eulers(kind):
     errors, w = [], WAVES[kind]
-    for sections in (6, 12):
-        result = ask(COLUMNS[kind](sections), 1.2 * euler(w)).require()
+    for sections in (4, 8):
+        result = ask(COLUMNS[kind](sections), 1.3 * euler(w)).require()
         assert result["critical_load"] == pytest.approx(discrete(w, sections), rel=1e-10)
         (critical,) = result.details["critical"]
         assert critical["kind"] == "bifurcation" and (critical["before"], critical["after"]) == (0, 1)
         load = result["critical_load"]
         errors.append(load * (1 - load / EA) / euler(w) - 1)
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] < 0.024
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] < 0.053
 
 
 def test_a_column_has_its_higher_modes_further_on():
@@ -132,7 +133,7 @@ def test_a_column_cut_and_welded_is_the_column():
 
 def test_a_round_column_buckles_in_two_directions_at_once():
     round_one = {"strains": "kirchhoff_love", "cross_section": {"type": "circle", "radius": 0.02}}
-    result = ask(clamped_free(4, **round_one), 5.0, branches=1).require()
+    result = ask(clamped_free(4, **round_one), 5.0, branches=2).require()
     J, A = np.pi * 0.02**4 / 4, np.pi * 0.02**2
     load = result["critical.0"]
     P = E * J / EJ * discrete(np.pi / 2, 4) * (1 - discrete(np.pi / 2, 4) / EA)
@@ -141,16 +142,38 @@ def test_a_round_column_buckles_in_two_directions_at_once():
     y, z = result.arrays["branch.1.watch"].T[1:]  # it stays in the plane in which it buckles: turning costs nothing
     assert result.details["branches"][1]["ended"] == "end" and np.hypot(y, z)[-1] > 0.5 * L
     assert y * z[-1] - z * y[-1] == pytest.approx(0 * y, abs=1e-9)
+    assert result["branch.2.position"] == pytest.approx(result["branch.1.position"] * np.array([1, -1, -1]), abs=1e-9)
+    assert "in 2 modes at once: 2 of the branches that leave there are followed" in result.status.message
+    assert "Branches 1 and 2 are marginal" in result.status.message  # turned about its axis it bends as well
+    assert result.arrays["branch.0.stable"][0] and not result.arrays["branch.1.stable"].any()
+
+
+def test_a_platform_on_three_rods_sways_to_opposite_sides_without_a_twist():
+    """Two sways and a twist buckle at once; the stiffness of the twist falls at a rate of its own."""
+    segments, loops, round_one = {}, {}, {"type": "circle", "radius": 0.02}
+    for k, angle in enumerate(0.3 + 2 * np.pi / 3 * np.arange(3)):
+        foot = {"position": [0.0, float(0.6 * np.cos(angle)), float(0.6 * np.sin(angle))]}
+        segments[f"leg_{k}"] = rod(1, placement=foot, strains="kirchhoff_love", cross_section=round_one)
+        at = {"segment": "plate", "placement": foot}
+        loops[f"ball_{k}"] = {"type": "spherical", "a": {"segment": f"leg_{k}"}, "b": at}
+    segments["plate"] = {"type": "free", "placement": RIGHT}
+    robot = {"segments": segments, "loops": loops, "loads": push("plate"), "gravity": [0, 0, 0]}
+    result = ask(robot, 16.0, branches=2, points=30)
+    one, other = (result.arrays[f"branch.{k}.q"][-1, -6:] for k in (1, 2))
+    assert result.details["critical"][0]["modes"] == 3 and np.hypot(*one[-2:]) > 0.1
+    assert other[-2:] == pytest.approx(-one[-2:], abs=1e-4)
+    assert [one[0], other[0]] == pytest.approx([0, 0], abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["input", "coordinate"])
 def test_a_motor_buckles_a_column_by_its_force_and_by_its_way(kind):
-    motor = {"actuators": {"motor": {"type": "joint_torque", "joint": "head"}}, "loads": {}}
-    robot = {**pinned_pinned(8), **motor}
-    P = discrete(np.pi, 8)
+    motor = {"actuators": {"motor": {"type": "joint_torque", "joint": "head", "limits": [-1, 1]}}, "loads": {}}
+    robot = {**pinned_pinned(4), **motor}
+    P = discrete(np.pi, 4)
     to, name, want = {"input": (-4.0, "motor", -P), "coordinate": (-0.001, "head", -P * L / EA)}[kind]
     result = ask(robot, to, {kind: name}).require()
     assert result["critical_load"] == pytest.approx(want, rel=1e-10)
+    assert ("Beyond limits: motor passes its limit -1 N." in result.status.message) == (kind == "input")
 
 
 @pytest.mark.parametrize("kind", ["loads", "input", "coordinate"])
@@ -161,7 +184,7 @@ def test_the_tangent_of_a_branch_is_its_slope(kind):
     vary = {"loads": {"loads": ["push"]}, "input": {"input": "motor"}, "coordinate": {"coordinate": "head"}}[kind]
     to = {"loads": 1.5, "input": -1.5, "coordinate": -0.1}[kind]
     asked = {"type": "continuation", "robot": robot, "vary": vary, "to": to}
-    family, _, first = _Search(so.problem(asked), None)._begun()
+    family, _, first = family_of(so.problem(asked))
     point, _ = family.corrected(first, 0.05 * first.t)
     ahead, back = (family.corrected(point, way * 1e-4 * point.t)[0] for way in (1, -1))
     slope = family.distance(back, ahead) / 2e-4
@@ -193,10 +216,8 @@ def elastica(load):
 def test_a_buckled_column_is_the_elastica_of_elliptic_integrals(load):
     errors = []
     for sections in (6, 12):
-        result = ask(clamped_free(sections, strains=["bend_z"]), load * euler(np.pi / 2), branches=2).require()
-        tips = np.array([result[f"branch.{k}.position"][:2] for k in (1, 2)])
-        assert tips[0] == pytest.approx(tips[1] * [1, -1], abs=1e-9)
-        errors.append(np.max(np.abs(np.abs(tips[0]) - elastica(load))))
+        result = ask(clamped_free(sections, strains=["bend_z"]), load * euler(np.pi / 2), branches=1).require()
+        errors.append(np.max(np.abs(np.abs(result["branch.1.position"][:2]) - elastica(load))))
     assert errors[1] < 0.02 * L and errors[0] / errors[1] == pytest.approx(4, rel=0.15)
 
 
@@ -205,7 +226,9 @@ def test_buckled_shapes_are_stable_and_the_straight_one_is_not_beyond_its_load()
     straight = result.arrays["branch.0.parameter"] < result["critical_load"] * (1 - 1e-9)
     beyond = result.arrays["branch.0.parameter"] > result["critical_load"] * (1 + 1e-9)
     assert result.arrays["branch.0.stable"][straight].all() and not result.arrays["branch.0.stable"][beyond].any()
-    assert result.arrays["branch.1.stable"].all() and result.arrays["branch.2.stable"].all()
+    assert result.arrays["branch.1.stable"][1:].all() and result.arrays["branch.2.stable"][1:].all()
+    assert LoadPath(result).taken == [0, 1]  # it bends to one side
+    assert result["branch.2.position"] == pytest.approx(result["branch.1.position"] * np.array([1, -1, 1]), abs=1e-9)
 
 
 @pytest.mark.parametrize("branch", [0, 1])
@@ -218,7 +241,7 @@ def test_stability_is_that_of_the_energy(branch):
         x = np.array(f.pose("column").function(q))[0, 3]
         return float(np.array(f.energy.function(q, np.zeros(robot.n))).ravel()[1]) + mu * x
 
-    for k in (2, 12, -1):
+    for k in (2, -1):
         q, mu = (result.arrays[f"branch.{branch}.{key}"][k] for key in ("q", "parameter"))
         steps = 1e-3 * np.diag(sizes)
         H = np.array([[sum(s * t * energy(q + s * a + t * b, mu) for s in (1, -1) for t in (1, -1)) for a in steps]
@@ -272,6 +295,7 @@ def force(y):
 
 def test_a_shallow_truss_snaps_where_its_force_is_largest():
     result = ask(truss(), 20.0, watch={"on": "left_bar"}).require()
+    assert result.details["redundant_rows"] == {"apex": 3}
     length = (L0 * B**2) ** (1 / 3)  # dP/dy = 0
     top = np.sqrt(length**2 - B**2)
     assert [result["critical.0"], result["critical.1"]] == pytest.approx([force(top), force(-top)], rel=1e-10)
@@ -304,14 +328,10 @@ def test_a_steep_truss_leaves_sideways_before_it_snaps():
     assert down == pytest.approx(result.arrays["branch.1.parameter"], abs=1e-7)
 
 
-def test_rows_that_hold_nothing_are_told():
-    assert ask(truss(), 1.0).require().details["redundant_rows"] == {"apex": 3}
-
-
 def test_weight_bends_a_tall_column():
     """Greenhill's column of uniform weight: q L^3 = 7.8373 EJ (first zero of the Bessel function J_-1/3)."""
     tall = {**clamped_free(8, strains=["bend_z"]), "loads": {}, "gravity": [-9.81, 0, 0]}
-    result = ask(tall, 20.0, {"gravity": True}).require()
+    result = ask(tall, 12.0, {"gravity": True}).require()
     weight = 1000 * WIDTH * HEIGHT * 9.81
     assert result["critical_load"] * weight * L**3 / EJ == pytest.approx(7.8373, rel=0.01)
 
@@ -328,6 +348,9 @@ def arch(sections=6, angle=0.7):
 
 def test_branches_of_an_arch_that_lean_to_either_side_are_mirror_images_and_end_where_they_join():
     result = ask(arch(), 40.0, watch={"on": "arch", "at": 0.5}, branches=2).require()
+    path = LoadPath(result)  # the branches that lean are unstable: the arch that is drawn goes on to where it snapped
+    assert path.taken == [0] and path.q[-1] == pytest.approx(result.arrays["branch.0.q"][-1])
+    assert [label.partition(":")[0] for label in path.labels] == list("12345678") and path.labels[3].endswith("*")
     kinds = [row["kind"] for row in result.details["critical"]]
     assert kinds == ["bifurcation", "limit point", "limit point", "bifurcation"]  # leans, would snap
     rows = result.details["branches"]
@@ -341,7 +364,32 @@ def test_branches_of_an_arch_that_lean_to_either_side_are_mirror_images_and_end_
     assert np.max(np.abs(crown[0][:, 0])) > 0.005 * L
 
 
+def test_the_place_that_moves_farthest_is_watched_where_none_is_named():
+    result = ask(clamped_clamped(4), 1.4 * euler(2 * np.pi), branches=1).require()
+    pose = result.question.robot.functions().pose
+    ends = [result.arrays["branch.0.q"][0], result.arrays["branch.1.q"][-1]]
+    places = np.linspace(0, 1, 101)
+    moved = [np.linalg.norm(np.subtract(*(np.array(pose("column", x).function(q))[:3, 3] for q in ends)))
+             for x in places]  # fmt: skip
+    assert result.details["watch"]["at"] == pytest.approx(places[np.argmax(moved)], abs=0.02)
+
+
+def test_a_moment_in_space_beside_a_force_is_no_force_that_follows():
+    """A load of both is told with its units; a moment in space has no potential."""
+    result = ask({**clamped_free(3), "loads": push("column", moment=[0, 0, 1e-3])}, 1.0).require()
+    assert "(push 1 N and 1 mN m). Some forces have no potential (as those that follow the robot, moments" in (
+        result.status.message
+    )
+    assert result.details["varies"] == "factor on push"
+
+
 # What is refused, and the command line
+
+
+def swivelling():
+    """A column on a hinge, pushed along itself whatever way it points."""
+    segments = {"foot": {"type": "revolute", **ABOUT}, "column": rod(2, parent="foot")}
+    return {"segments": segments, "loads": push("column", axes="body"), "gravity": [0, 0, 0]}
 
 
 REFUSED = {
@@ -363,6 +411,7 @@ REFUSED = {
     "fewer than no branches": ({"branches": -1}, "branches: -1 is negative"),
     "an unknown place": ({"watch": {"on": "colum"}}, "watch.on: "),
     "lengths": ({"lengths": {"c": 1}}, "unknown key 'lengths'"),
+    "a joint that nothing holds": ({"robot": swivelling()}, "nothing holds foot, so no equilibrium is distinct"),
 }  # fmt: skip
 
 
@@ -391,18 +440,18 @@ def test_the_command_line_solves_verifies_draws_and_stops_at_limits(tmp_path, ca
 
     monkeypatch.chdir(tmp_path)
     file = str(PROBLEMS / "snap_through.yaml")
-    assert run(["solve", file, "--verify"]) == 0
+    assert run(["solve", file, "--verify", "--no-figures"]) == 0
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["critical.0", "limit", "point", "branch", "0", "2.02735", "2.0274", "N", "0", "->", "1", "1"] in rows
     folder = tmp_path / "results" / "snap_through"
-    assert {path.name for path in folder.glob("*.png")} == {"branches.png", "shapes.png"}
     stored = so.load_result(folder)
     lines = branches_figure(stored).axes[0].lines
     solid, dashed = ([line for line in lines if line.get_linestyle() == look] for look in ("-", "--"))
     assert len(solid) == 2 and len(dashed) == 1  # up to the first limit point and from the second; between
     assert max(solid[0].get_ydata()) == pytest.approx(stored["critical.0"])
     assert min(dashed[0].get_ydata()) == pytest.approx(stored["critical.1"])
-    assert run(["plot", str(folder), "-o", "again"]) == 0 and (tmp_path / "again" / "shapes.png").exists()
+    assert run(["plot", str(folder), "-o", "again"]) == 0
+    assert {path.name for path in (tmp_path / "again").glob("*.png")} == {"branches.png", "shapes.png"}
     capsys.readouterr()
     assert run(["solve", file, "--json", "--no-figures", "--set", "points=5", "-o", "short"]) == 5
     told = json.loads(capsys.readouterr().out)

@@ -5,6 +5,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from printed import words
 
 import socontrol as so
 from socontrol.files.loader import FileError
@@ -162,10 +163,6 @@ def test_symbols_give_what_numbers_give():
         np.testing.assert_allclose(a, b, rtol=1e-9)
 
 
-# Statics solved again
-
-
-
 def bridge():
     """Two rods that stand 0.2 m apart and turn out of one plane, their ends joined by a ball; a cable bends one."""
     rods = {
@@ -177,6 +174,8 @@ def bridge():
     cable = {"type": "tendon", "along": ["left"], "offset": [6e-3, 4e-3], "limits": [0, 2]}
     return {"gravity": [0, 3, -5], "segments": rods, "actuators": {"c0": cable}, "loops": {"ball": ball}}
 
+
+# Statics solved again
 
 CABLES = {"c0": 0.3, "c1": 0.1, "c2": 0.2}
 RESTS = {  # name: (robot, place, further keys)
@@ -321,6 +320,17 @@ def test_the_report_prints_and_draws_them_from_a_stored_result_too(tmp_path, cap
     drawn = [texts(result) for result in (stored, so.solve(so.load_problem(tmp_path / "reach.yaml")))]
     assert drawn[0] == drawn[1] and any("dotted: rigid" in text for text in drawn[0])
     assert (tmp_path / "results" / "reach" / "robot.png").exists()
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5])
+def test_motions_that_no_slope_tells_are_called_an_extrapolation(share):
+    """Motors that turn their springs by half a radian, and by a twenty-fifth of that."""
+    limits = {f"at_{name}": [-share * k, share * k] for name, k in zip(("upper", "lower"), SPRINGS, strict=True)}
+    result = ask(two_turns(), on="lower", bounds={"inputs": limits}, kinds=["actuation"])
+    turned = axes(result, "actuation", "rotation")[0]
+    assert turned == pytest.approx(share * np.sqrt(2), rel=1e-9)
+    told = f"{np.degrees(turned):.4g} deg from here along a straight line"
+    assert (told in " ".join(words(result).split())) == (share == 0.5)
 
 
 def texts(result):

@@ -36,7 +36,6 @@ from socontrol.programs.tensions.compliance_terms import Compliances
 from socontrol.programs.tensions.redundancy import Redundancy
 from socontrol.programs.tensions.tensions import Tensions
 from socontrol.programs.tensions.timing import Timing
-from socontrol.quantities import Bad
 
 ROOT = Path(__file__).parents[1]
 PRECISE = Ipopt(tolerance=1e-13)
@@ -234,6 +233,17 @@ def test_a_chain_that_rests_where_its_rows_depend_on_each_other_is_closed_where_
     assert result["inputs.motor"] == pytest.approx(0.5 * np.arcsin(0.6), rel=1e-9)
 
 
+def test_an_answer_with_other_rows_of_the_loops_is_no_warm_start():
+    goal = {"lift": Point(on="crank", target=(None, 0.06, None))}
+    solver = ask(Robot(four_bar(0.1, 0.25, 0.2, 0.22)), goal).prepare()
+    answer, index = solver.find({})[0], solver.posture.loops.index
+    assert answer.status.solved and solver.find({}, warm=answer)[1][0].start == "neighbour"
+    lam = np.zeros(5)
+    lam[np.setdiff1d(np.arange(5), index)[: index.size]] = answer.values["lam"][index]
+    other = replace(answer, values={**answer.values, "lam": lam})
+    assert solver.find({}, warm=other)[1][0].start == "rest"
+
+
 # Slopes and compliance
 
 
@@ -344,9 +354,3 @@ def test_loops_that_cannot_close_within_the_limits_are_told_so():
     result = question.solve()
     assert result.status.outcome == "infeasible"
     assert "Within the limits, loop 'crown' cannot close: at the nearest found its ends" in result.status.message
-
-
-def test_tensions_of_a_motion_are_refused_by_name():
-    motion = {"every": 0.1, "duration": 1.0, "coordinates": {"left.0.bend_z": 0.0}}
-    with pytest.raises((Bad, so.FileError), match="motion: .*the robot has loops"):
-        so.problem({"type": "tensions", "robot": arch(), "motion": motion})

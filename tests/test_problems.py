@@ -91,7 +91,7 @@ PLANS = [  # at their own meshes all are solved by `python tests/benchmarks/traj
     "swimmer_turn",
     "tip_tracking_dynamic",
 ]
-PULLED = ["octopus_swing", "tip_tracking"]  # motions whose tensions are sought
+PULLED = ["octopus_swing", "parallel_soft_platform_circle", "tip_tracking"]  # motions whose tensions are sought
 GROWING = ["column_buckling", "column_buckling_clamped", "finray_buckling", "snap_through"]  # not at one posture
 QUICK = ["cartpole_swing_up", "finger_flick"]  # plans that are solved here too
 ROW_BY_ROW = [f"rows/{row}" for row in ROWS["lumped"] + ROWS["distributed"]]

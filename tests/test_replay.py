@@ -12,8 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import socontrol as so
+from socontrol.programs.motions.displacements import displacement_weights
 from socontrol.programs.motions.motion_answer import ends
-from socontrol.programs.motions.simulation import displacement_weights
 from socontrol.programs.plans import replay
 from socontrol.programs.plans.plan_answer import curve_of
 from socontrol.programs.plans.plan_errors import Finer, between, needed, positions

@@ -188,7 +188,7 @@ def test_what_cables_would_need_is_said_and_no_cable_is_told_to_push(posture):
     filled = [{**rows[0], "name": "p0", "pulls": False, "unit": "Pa", "limit": 5e4, "needed": None}]
     together = f"{message.partition('. ')[0]}. Together they would do: p0 would need 70 kPa, its limit is 50 kPa."
     other = replace(far, status=Status("infeasible", together), details={"unreachable": filled})
-    assert "not by this limit alone" in words(other)
+    assert "no way found by this limit alone" in words(other)
     assert sentence(other, "together") == "p0 would need 70 kPa, its limit is 50 kPa"
 
 

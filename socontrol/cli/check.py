@@ -2,12 +2,15 @@
 
 from dataclasses import fields
 
+import numpy as np
+
 from socontrol.cli.errors import told
 from socontrol.files.loader import override
 from socontrol.files.problem_file import question_of, resolved, solver_of
 from socontrol.files.robot_file import robot_of
 from socontrol.files.yaml_reader import FileError, UnreadableFile, read_yaml
 from socontrol.mechanics.robot import Description
+from socontrol.programs.equilibria.closing import gaps
 from socontrol.programs.plans.trajectory import Trajectory
 from socontrol.programs.question import Question
 from socontrol.programs.questions import QUESTIONS, SOLVERS
@@ -62,7 +65,17 @@ def kind_of(data):
 def _robot(robot):
     parts = [(len(robot.segments), "segment"), (robot.n, "coordinate"), (robot.m, "input")]
     parts += [(len(robot.loops), "loop")] * bool(robot.loops)
-    return f"robot {robot.name}: " + ", ".join(f"{count} {noun}{'s' * (count != 1)}" for count, noun in parts)
+    said = ", ".join(f"{count} {noun}{'s' * (count != 1)}" for count, noun in parts)
+    return f"robot {robot.name}: {said}{_open(robot)}"
+
+
+def _open(robot):
+    """` (closed at q = 0)`, or which loops are open there and by how much; nothing without loops."""
+    if not robot.loops:
+        return ""
+    e = np.array(robot.functions(compiled=False).loop_error.function(np.zeros(robot.n))).ravel()
+    told = "; ".join(f"{name}: {gap}" for name, gap in gaps(robot, e).items())
+    return f" (open at q = 0, {told}; solvers close them first)" if told else " (closed at q = 0)"
 
 
 def _asked(question):

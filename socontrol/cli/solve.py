@@ -9,7 +9,7 @@ from pathlib import Path
 from socontrol.cli.console import console, progress
 from socontrol.cli.errors import INTERRUPTED, REJECTED, USAGE, interrupted, say, told, unexpected
 from socontrol.cli.interrupts import Interrupts
-from socontrol.files.expectations import compare
+from socontrol.files.expectations import compare, sentences
 from socontrol.files.problem_file import keeping_log, question_of, read_problem, solve
 from socontrol.files.result_file import json_of, refuse_foreign, save
 from socontrol.files.yaml_reader import FileError, UnreadableFile
@@ -154,13 +154,13 @@ def _print(path, folder, result, comparisons, settings):
 
         out = console()
         render(result, out, settings.verbose)
-        for comparison in comparisons:
-            out.print(f"{'met' if comparison.met else 'MISSED':<7}{comparison.sentence}", soft_wrap=True)
+        for met, sentence in sentences(comparisons):
+            out.print(f"{'met' if met else 'MISSED':<7}{sentence}", soft_wrap=True)
     elif not result.status.solved and not any(c.name == "exit" and c.met for c in comparisons):
         say(f"{path}: {result.status.outcome}: {result.status.message}", own=False)
     if settings.verify:
-        for comparison in comparisons:
-            if not comparison.met:
-                say(f"{path}: expect: {comparison.sentence}", own=False)
+        for met, sentence in sentences(comparisons):
+            if not met:
+                say(f"{path}: expect: {sentence}", own=False)
     if not settings.quiet:
         say(f"{folder}{'' if str(folder).endswith('/') else '/'} written")

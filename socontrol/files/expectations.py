@@ -93,6 +93,15 @@ def _check_numbers(value, document, path):
         raise document.error(path, f"{value} is not a finite number")
 
 
+def sentences(comparisons):
+    """[(whether it is met, sentence)] of each; those that were not computed share one."""
+    told = [(c.met, c.sentence) for c in comparisons if c.found is not None]
+    missing = [c.name for c in comparisons if c.found is None]
+    if len(missing) < 2:
+        return told + [(c.met, c.sentence) for c in comparisons if c.found is None]
+    return [*told, (False, f"{joined(missing, 'and')}: nothing found, since the problem is not solved")]
+
+
 def compare(document, result):
     """Comparisons of a result with its document's `expect`; raises FileError for a value that no answer has."""
     comparisons = []

@@ -22,6 +22,7 @@ from socontrol.files.robot_file import robot_of
 from socontrol.mechanics.robot import Robot
 from socontrol.programs import questions
 from socontrol.programs.equilibria.singular import unheld
+from socontrol.programs.postures.continuation import Continuation
 from socontrol.programs.postures.statics import Statics
 from socontrol.programs.questions import QUESTIONS, SOLVERS, Solver
 from socontrol.quantities import Bad, fields_of, joined, nearest, show
@@ -153,7 +154,7 @@ def question_of(document):
         raise gathered(errors)
     question = validate(cls, filled, document)
     check_expectations(document)
-    if isinstance(question, Statics) and (loose := unheld(question)):
+    if isinstance(question, Statics | Continuation) and (loose := unheld(question)):
         fix = "give them stiffness, a load that holds them, or a value under `coordinates:`"
         raise document.error(("type",), f"nothing holds {joined(loose, 'and')}, so no equilibrium is distinct; {fix}")
     return question

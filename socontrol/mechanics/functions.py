@@ -299,7 +299,13 @@ class Functions:
 
     @property
     def loop_force(self):
-        """Multipliers [k] of the loops in motion, the least where rows depend on each other; N and N m (q, qd, u)."""
+        """Multipliers lam [k] of the loops in motion, the least where rows depend on each other; N and N m (q, qd, u).
+
+        Their order is that of `loop_error`: loops in file order (`slices(robot.loops)` of mechanics.loops), of each the
+        rows that its joint holds, turns first. A^T lam pushes the coordinates, M qdd + ... = tau + A^T lam. With the
+        `own` rows of a loop, Phi_perp() @ lam[own] of its record `robot.loops[name]` is the wrench [moment; force] on
+        what stands on a by what stands on b, in b's joint frame: what results call `loops.NAME`.
+        """
         return self._of_closed("loop_force", 1)
 
     @property

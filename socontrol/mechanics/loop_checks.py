@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from socontrol.mechanics.loops import independent, slices
+from socontrol.mechanics.loops import independent, slices, units_of
 from socontrol.quantities import Bad
 
 CLOSED = 1e-9  # rows [m, rad] that count as zero where freedom is counted
@@ -45,7 +45,7 @@ def refuse_rigid(loops, tree, rows_of):
     rows_of: Function (q) -> e, de/dq. Where loops close is looked for only if they leave nothing elsewhere:
     special sizes (planar chains apart) can move where general ones cannot.
     """
-    units, rng = [unit for loop in loops.values() for unit in loop.units], np.random.default_rng(1)
+    units, rng = units_of(loops), np.random.default_rng(1)
     length = sum(float(p.length) for p in tree.pieces if p.is_rod) or 1.0
     sizes = np.array([{"1/m": 0.5 / length, "1": 0.05}.get(unit, 0.5) for unit in tree.units])
 
@@ -54,7 +54,7 @@ def refuse_rigid(loops, tree, rows_of):
         return np.array(e).ravel(), np.array(E)
 
     def stiff(E):
-        return independent(E, units, 1.0)[0] == tree.n
+        return independent(E, units, 1.0).rank == tree.n
 
     if not stiff(rows(sizes * rng.uniform(-1, 1, tree.n))[1]):
         return
@@ -70,6 +70,6 @@ def refuse_rigid(loops, tree, rows_of):
             if not stiff(E):
                 return
             last = next(name for name, own in slices(loops).items()
-                        if independent(E[: own.stop], units[: own.stop], 1.0)[0] == tree.n)  # fmt: skip
+                        if independent(E[: own.stop], units[: own.stop], 1.0).rank == tree.n)  # fmt: skip
             sentence = "it leaves the robot no freedom to move; leave it out, or close it with a joint that holds less"
             raise Bad(f"loops.{last}", sentence)

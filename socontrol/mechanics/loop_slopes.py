@@ -5,7 +5,8 @@ that turns g = g_b^-1 g_a into exp(sigma) g, and J_a, J_b the world twists of th
 origin,
     E = de/dq = L Ad_b^-1 (J_a - J_b),    E^T lam = (J_a - J_b)^T F,    F = coAd_b L^T lam,
     dF = C(F) J_b dq + coAd_b (H + C(L^T lam) / 2) Ad_b^-1 (J_a - J_b) dq,    C(F) s = coad_s F,
-and what the wrench F on a and -F on b give where they do not change follows as for loads.
+and what the wrench F on a and -F on b give where they do not change follows as for loads. L and H come from the rows
+of each kind by differentiation in symbols of their own, which do not leave this module.
 """
 
 from collections import defaultdict

@@ -10,6 +10,7 @@ frame.
 Source: F. Renda, L. Seneviratne, ICRA 2018.
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -20,7 +21,7 @@ from socontrol.lie import se3, so3
 from socontrol.mechanics.loop_slopes import Slopes, turning
 from socontrol.model import joints
 from socontrol.model.bodies import Placement
-from socontrol.quantities import Axis, Bad, Fraction, MetrePerRadian, OneOf, nearest, record
+from socontrol.quantities import Axis, Bad, Fraction, MetrePerRadian, OneOf, Text, nearest, record
 
 FLIPPED = 1e-3  # of 1 + cos: axes that point against each other have no nearest way to close
 DEPENDENT = 1e-9  # of the largest singular value: rows that hold nothing of their own
@@ -30,7 +31,7 @@ DEPENDENT = 1e-9  # of the largest singular value: rows that hold nothing of the
 class End:
     """A place on the robot (or `world`), and the joint's frame there."""
 
-    segment: str
+    segment: Annotated[str, Text("the name of a segment, or 'world'")]
     at: Fraction = 1.0
     placement: Placement = Placement()
 
@@ -248,7 +249,7 @@ class Loops:
     @property
     def units(self):
         """Unit of each row."""
-        return tuple(unit for loop in self.loops.values() for unit in loop.units)
+        return units_of(self.loops)
 
     def relative(self, name):
         """g [4 x 4]: joint frame of a seen from that of b."""
@@ -293,14 +294,60 @@ def slices(loops):
     return found
 
 
+def units_of(loops):
+    """Unit of each row, in file order."""
+    return tuple(unit for loop in loops.values() for unit in loop.units)
+
+
+def loop_of(loops, row):
+    """Name of the loop that a row belongs to."""
+    return next(name for name, own in slices(loops).items() if own.start <= row < own.stop)
+
+
+def reach(units, size):
+    """[k]: how much of each row's unit counts as 1: one rad, or `size` of those in m."""
+    return np.where(np.array(units, dtype=object) == "rad", 1.0, size)
+
+
+@dataclass(frozen=True)
+class Split:
+    """Rows [k x n] over their reach as U diag(s) Vt, s falling: `rank` of them do not depend on each other.
+
+    Vt [n x n], its first `rank` rows what is held; U [k x rank], s [rank].
+    """
+
+    rank: int
+    Vt: np.ndarray
+    U: np.ndarray
+    s: np.ndarray
+
+    @property
+    def held(self):
+        """[rank x n]: orthonormal directions that rows hold."""
+        return self.Vt[: self.rank]
+
+    @property
+    def left(self):
+        """Z [n x n - rank]: orthonormal motions that rows leave."""
+        return self.Vt[self.rank :].T
+
+    @property
+    def inverse(self):
+        """U / s [k x rank]: of what is held to rows."""
+        return self.U / self.s
+
+    def least(self, force):
+        """The least multipliers [k], times reach, that push as what rows hold of a force [n]."""
+        return self.inverse @ (self.held @ force)
+
+
 def independent(rows, units, size):
-    """(rank, V^T [n x n], U / s [k x rank]) of rows [k x n] = U s V^T, those in m taken over `size`."""
+    """Split of rows [k x n], those in m taken over `size`."""
     if not rows.size:
-        return 0, np.eye(rows.shape[1]), np.zeros((rows.shape[0], 0))
-    scaled = rows / np.where(np.array(units, dtype=object) == "rad", 1.0, size)[:, None]
-    U, s, Vt = np.linalg.svd(scaled)
+        return Split(0, np.eye(rows.shape[1]), np.zeros((rows.shape[0], 0)), np.zeros(0))
+    U, s, Vt = np.linalg.svd(rows / reach(units, size)[:, None])
     rank = int(np.sum(s > DEPENDENT * np.max(s, initial=0.0)))
-    return rank, Vt, U[:, :rank] / s[:rank]
+    return Split(rank, Vt, U[:, :rank], s[:rank])
 
 
 def chosen(rows, units, size):
@@ -308,8 +355,8 @@ def chosen(rows, units, size):
 
     The row farthest from those taken before is taken next; those in m count over `size`. As many as `independent` says.
     """
-    left, found = rows / np.where(np.array(units, dtype=object) == "rad", 1.0, size)[:, None], []
-    for _ in range(independent(rows, units, size)[0]):
+    left, found = rows / reach(units, size)[:, None], []
+    for _ in range(independent(rows, units, size).rank):
         distance = np.linalg.norm(left, axis=1)
         distance[found] = 0.0
         found.append(int(np.argmax(distance)))

@@ -3,10 +3,11 @@
 import numpy as np
 
 from socontrol.report import style
-from socontrol.report.branch_text import loads, suited
+from socontrol.report.branch_text import loads, place_of, standing, suited
 from socontrol.report.units import number, readable
 
 KINDS = {"bifurcation": "o", "limit point": "D"}
+LINES = {"stable": ("-", 1.8), "marginal": ((0, (1, 1)), 1.8), "unstable": ((0, (4, 2)), 1.2)}  # dashes and width
 CROWDED = 0.1, 0.05  # of the width and height: a label nearer to another one is left out
 APART = 10.0  # times the distance between branches counts beside the way of the place in the choice of an axis
 STILL = 1e-9  # of the largest displacement: no displacement
@@ -23,21 +24,16 @@ def branches_figure(result):
     force, name = suited(of_load, *(float(x) for y in load for x in (np.min(y), np.max(y))))
     figure = style.new_figure(6.4, 4.6)
     ax = figure.add_subplot()
+    words = [standing(result, k) for k in range(count)]
     for k in range(count):
-        stable = np.array(result.arrays[f"branch.{k}.stable"])
-        for _, at in result.details["branches"][k]["critical"]:
-            stable[at] = stable[at - 1]  # a critical point ends what leads to it
-        stable[0] = stable[min(1, len(stable) - 1)]
-        _curve(ax, displaced[k] / one, load[k] / force, stable, style.series(k)[0])
+        _curve(ax, displaced[k] / one, load[k] / force, np.array(words[k]), style.series(k)[0])
     _criticals(ax, result, [x / one for x in displaced], [y / force for y in load], name)
-    watch = result.details["watch"]
-    place = f"end of {watch['on']}" if watch["at"] == 1 else f"{watch['on']} at {watch['at']:g}"
-    ax.set_xlabel(f"displacement of the {place} along {'xyz'[axis]} [{unit}]")
+    ax.set_xlabel(f"displacement of {place_of(result)} along {'xyz'[axis]} [{unit}]")
     ax.set_ylabel(f"{what} [{name}]" if name else what)
     ax.grid(color="#e6e9ed", lw=0.5)
     ax.set_axisbelow(True)
-    ax.margins(x=0.1, y=0.06)
-    _key(figure, result, count)
+    ax.margins(x=0.1, y=0.1)
+    _key(figure, result, [word for word in LINES if any(word in row for row in words)])
     style.title(figure, f"{result.name}: equilibria under {what}")
     return figure
 
@@ -53,13 +49,12 @@ def _displacements(result, count):
     return axis, [np.where(np.abs(x[:, axis]) < STILL * spans[axis], 0.0, x[:, axis]) for x in moved], one, unit
 
 
-def _curve(ax, x, y, stable, colour):
-    """A branch in runs of points, each solid or dashed; neighbours share the critical point between them."""
-    turns = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]
+def _curve(ax, x, y, words, colour):
+    """A branch in runs of points of one word, each with its line; neighbours share the critical point between them."""
+    turns = [0, *(np.flatnonzero(words[1:] != words[:-1]) + 1).tolist(), len(words)]
     for first, last in zip(turns, turns[1:], strict=False):
-        own = slice(max(0, first - 1), last)
-        look = {"ls": "-", "lw": 1.8} if stable[first] else {"ls": (0, (4, 2)), "lw": 1.2}
-        ax.plot(x[own], y[own], color=colour, zorder=3 if stable[first] else 2, **look)
+        own, (dashes, width) = slice(max(0, first - 1), last), LINES[words[first]]
+        ax.plot(x[own], y[own], color=colour, ls=dashes, lw=width, zorder=2 if words[first] == "unstable" else 3)
 
 
 def _criticals(ax, result, x, y, unit):
@@ -77,12 +72,13 @@ def _criticals(ax, result, x, y, unit):
                         ha="center" if turns else "left", fontsize=7.5, color=style.INK, zorder=7)  # fmt: skip
 
 
-def _key(figure, result, count):
+def _key(figure, result, words):
+    """The legend: branches, what their points are called, kinds of critical points."""
     from matplotlib.lines import Line2D
 
+    count = len(result.details["branches"])
     handles = [Line2D([], [], color=style.series(k)[0], lw=1.8, label=f"branch {k}") for k in range(count)]
-    handles += [Line2D([], [], color="#555555", lw=1.8, label="stable"),
-                Line2D([], [], color="#555555", lw=1.2, ls=(0, (4, 2)), label="unstable")]  # fmt: skip
+    handles += [Line2D([], [], color="#555555", ls=LINES[word][0], lw=LINES[word][1], label=word) for word in words]
     for kind in dict.fromkeys(row["kind"] for row in result.details["critical"]):
         handles.append(Line2D([], [], color=style.MISS, marker=KINDS[kind], mfc="#ffffff", mew=1.4, ms=6, ls="",
                               label=kind))  # fmt: skip

@@ -1,8 +1,12 @@
 """A continuation in words: critical points, the branches and where they end, and how far all this can be trusted."""
 
+from itertools import groupby
+
 import numpy as np
 from rich.text import Text
 
+from socontrol.programs.equilibria.stability import called_along
+from socontrol.quantities import joined
 from socontrol.report.columns import columns, line, say
 from socontrol.report.said import headline
 from socontrol.report.units import miss, number, readable, with_unit
@@ -29,20 +33,43 @@ def render(result, console, verbose=0):
 
 
 def loads(result):
-    """(numbers by which the parameter becomes a load, its unit, what it is): of a single force, else of a factor."""
-    forces = result.details["forces"]
-    if len(forces) == 1:
+    """(numbers by which the parameter becomes a load, its unit, what it is): of the force of a single load, else of a
+    factor."""
+    if forces := single(result):
         name, size, unit = forces[0]
         what = {"N": "force", "N m": "moment"}.get(unit, "acceleration")
         return size, unit, "gravity" if name == "gravity" else f"{what} {name}"
     return 1.0, result.details["unit"], result.details["varies"]
 
 
+def single(result):
+    """[(load, size, unit)], the force and the moment of the load that varies; empty where several vary."""
+    forces = result.details["forces"]
+    return forces if len({name for name, _, _ in forces}) == 1 else []
+
+
+def standing(result, k):
+    """What the points of branch k are called: stable, marginal, unstable."""
+    row = result.details["branches"][k]
+    leaves = [] if row["from"] is None else [0]
+    return called_along(result.arrays[f"branch.{k}.smallest_eigenvalue"], [*leaves, *(at for _, at in row["critical"])])
+
+
+def place_of(result):
+    """The place that is watched: `end of rod`, `rod at 0.5`."""
+    watch = result.details["watch"]
+    return f"end of {watch['on']}" if watch["at"] == 1 else f"{watch['on']} at {watch['at']:g}"
+
+
 def told(result, mu):
     """The parameter as a load with its unit, `2.47 N`; a factor is a plain number."""
     size, unit, _ = loads(result)
-    one, name = suited(unit, mu * size or 1.0)
-    return f"{number(mu * size / one, 5)} {name}".rstrip()
+    return _amount(mu * size, unit)
+
+
+def _amount(x, unit):
+    one, name = suited(unit, x or 1.0)
+    return f"{number(x / one, 5)} {name}".rstrip()
 
 
 def suited(unit, *values):
@@ -51,15 +78,15 @@ def suited(unit, *values):
 
 
 def _critical(result, console):
-    rows, forces = [], result.details["forces"]
+    rows, forces, parts = [], result.details["forces"], single(result)
     for k, row in enumerate(result.details["critical"]):
         mu = result[f"critical.{k}"]
         given = number(mu, 6) if forces else told(result, mu)
         cells = [(f"critical.{k}", "bold"), row["kind"], f"branch {row['branch']}", given]
-        cells += [told(result, mu)] if len(forces) == 1 else []
+        cells += [_amount(mu * size, unit) for _, size, unit in parts]
         rows.append([*cells, f"{row['before']} -> {row['after']}", str(row["modes"])])
     heads = ["critical point", "kind", "on", f"{'factor' if forces else result.details['varies']}>"]
-    heads += [f"{forces[0][0]}>"] if len(forces) == 1 else []
+    heads += [f"{parts[0][0]}>", "its moment>"][: len(parts)] if parts else []
     if rows:
         columns(console, [*heads, "unstable motions", "modes"], rows)
     else:
@@ -70,22 +97,19 @@ def _critical(result, console):
 def _branches(result, console):
     rows = []
     for k, row in enumerate(result.details["branches"]):
-        places, stable = result.arrays[f"branch.{k}.watch"], result.arrays[f"branch.{k}.stable"]
+        places = result.arrays[f"branch.{k}.watch"]
         start = result.arrays["branch.0.watch"][0]
         farthest = float(np.max(np.linalg.norm(places - start, axis=1)))
         come = "the beginning" if row["from"] is None else f"critical.{row['from']}"
-        rows.append([(str(k), "bold"), come, _stable(stable), told(result, result[f"branch.{k}.end"]),
+        rows.append([(str(k), "bold"), come, _runs(standing(result, k)[1:]), told(result, result[f"branch.{k}.end"]),
                      ENDS[row["ended"]], with_unit(farthest, "m")])  # fmt: skip
-    watch = result.details["watch"]
-    place = f"end of {watch['on']}" if watch["at"] == 1 else f"{watch['on']} at {watch['at']:g}"
-    columns(console, ["branch", "from", "stable", "ends at>", "why", f"{place} moves>"], rows)
+    columns(console, ["branch", "from", "stability", "ends at>", "why", f"{place_of(result)} moves>"], rows)
 
 
-def _stable(stable):
-    """Whether all along a branch, nowhere, or on a part of its points."""
-    if stable[1:].all() or not stable[1:].any():
-        return "yes" if stable[1:].all() else "no"
-    return "in part"
+def _runs(words):
+    """`stable, unstable, stable` along a branch; of more changes each word once."""
+    runs = [word for word, _ in groupby(words)]
+    return ", ".join(runs) if len(runs) < 4 else f"{joined(list(dict.fromkeys(runs)), 'and')} in turn"
 
 
 def _trust(result, console, verbose):
@@ -112,4 +136,5 @@ def _sections(result):
         return "with twice the sections stability is not lost nearby; use more sections"
     load = result["critical_load"]
     share = f", {number(100 * change / load, 2)} %" if load else ""
-    return f"twice as many move the critical load by {told(result, change)}{share}"
+    what = "load" if loads(result)[1] != "1" else "factor"
+    return f"twice as many move the critical {what} by {told(result, change)}{share}"

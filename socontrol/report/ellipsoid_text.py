@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from socontrol.quantities import joined
 from socontrol.report.columns import columns, line, say
 from socontrol.report.units import fixed, number, readable
 
 WHAT = {  # kind: what its semi-axes are
     "kinematic": "motion for a change of the coordinates of size 1",
     "compliance": "motion at rest for a force, or a moment, of size 1",
-    "actuation": "motion at rest for changes of the inputs, over their limits, of size 1",
+    "actuation": "motion at rest for changes of the inputs, over their limits, of size 1, by the slope there",
     "force": "force, or moment, for forces of the coordinates of size 1",
 }
 
@@ -36,6 +37,9 @@ def table(result, console):
         columns(console, ["kind", "of", "semi-axes>", ">", ">", "", "longest along x, y, z"], rows)
     for kind in told["kinds"]:
         say(console, kind, WHAT[kind])
+    if told.get("far"):
+        far = joined(told["far"], "and")
+        say(console, "", f"Linear extrapolation: the robot does not go {far} from here along a straight line.")
     for kind, why in told["notes"].items():
         say(console, kind, f"none: {why}", "yellow")
     counted = [kind for kind in ("kinematic", "force") if kind in told["kinds"]]

@@ -4,6 +4,7 @@ import numpy as np
 
 from socontrol.mechanics.loops import LOOPS
 from socontrol.report import style
+from socontrol.report.links import loop_end
 from socontrol.report.shapes import matrix
 from socontrol.report.units import miss
 
@@ -49,18 +50,12 @@ def closed(robot, posed):
 
 def gap(posed, loop):
     """Where `a` of a loop is [3], how far that is from where the joint lets it be [3], world; and the angle [rad]."""
-    g_a, g_b = (_place(posed, end) for end in (loop.a, loop.b))
+    g_a, g_b = (loop_end(posed, end) for end in (loop.a, loop.b))
     g = np.linalg.inv(g_b) @ g_a
     rows, units = matrix(loop.rows(g[:3, :3], g[:3, 3])).ravel(), np.array(loop.units)
     ways = matrix(loop.Phi_perp())[3:, units == "m"]
     off = ways / np.linalg.norm(ways, axis=0) @ rows[units == "m"]
     return g_a[:3, 3], g_b[:3, :3] @ off, float(np.linalg.norm(rows[units == "rad"]))
-
-
-def _place(posed, end):
-    """World <- joint frame [4 x 4] of an end."""
-    own = matrix(end.placement.pose())
-    return own if end.segment == "world" else posed.place(end.segment, end.at) @ own
 
 
 def _look(kind):
@@ -69,7 +64,9 @@ def _look(kind):
 
 
 def _mark(scene, point, kind, layer):
-    scene.mark(point, style.LOOP, size=5.0, layer=layer, **_look(kind))
+    look = _look(kind)
+    scene.mark(point, "#ffffff", size=7.0, layer=layer, marker=look["marker"], face="#ffffff")  # seen on dark skins
+    scene.mark(point, style.LOOP, size=5.0, layer=layer, **look)
 
 
 def _symbol(kind):

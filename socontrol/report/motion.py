@@ -7,6 +7,7 @@ import numpy as np
 
 from socontrol.report import shapes
 from socontrol.report.obstacle_shapes import drawn, shows_in_plane
+from socontrol.report.units import number
 
 MOVING = ("simulation", "trajectory", "tensions")  # types whose results can be motions
 OVERLAID = 8  # postures drawn over one another
@@ -53,6 +54,11 @@ class Motion:
         if way[-1] > 1e-9 * self.robot.length:
             share = share / 3 + way / way[-1] * 2 / 3
         return np.unique([int(np.argmin(np.abs(share - x))) for x in np.linspace(0, 1, OVERLAID)])
+
+    @property
+    def labels(self):
+        """What the colour of each overlaid output stands for."""
+        return [number(x, 3) for x in self.t[self.overlaid]]
 
     def thinned(self, count=MOST_POINTS):
         """Indices of at most `count` outputs, first and last among them."""

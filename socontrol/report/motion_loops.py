@@ -15,31 +15,30 @@ ROOM = 1.3
 
 
 def loops_figure(result):
-    """A row of axes for each loop, forces beside moments; None without loops, or where they bear nothing."""
+    """Axes for the force and the moment of each loop that bears one; None without loops, or where they bear nothing."""
     motion = Motion.of(result)
     if motion is None:
         return None
     found = _quiet({name: np.asarray(result.arrays[f"loops.{name}"]) for name in motion.robot.loops
                     if f"loops.{name}" in result.arrays})  # fmt: skip
-    parts = [part for part in PARTS if any(np.any(wrench[:, part[2]]) for wrench in found.values())]
-    if not parts:
-        return None
     shown = sorted(found, key=lambda name: -_largest(found[name][:, 3:]))[:MOST]
-    shown = [name for name in found if name in shown]
-    figure = style.new_figure(1.6 + 3.7 * len(parts), 0.9 + 1.6 * len(shown))
-    axes = figure.subplots(len(shown), len(parts), sharex=True, squeeze=False)
-    for row, name in zip(axes, shown, strict=True):
-        for ax, (what, unit, own) in zip(row, parts, strict=True):
-            if not np.any(found[name][:, own]):
-                ax.set_axis_off()
-                continue
-            _curves(ax, motion, found[name][:, own], (what, unit), name, result.details.get("singular") or ())
+    panels = [(name, part) for name in found if name in shown for part in PARTS if np.any(found[name][:, part[2]])]
+    if not panels:
+        return None
+    columns = min(2, len(panels))
+    rows = -(-len(panels) // columns)
+    figure = style.new_figure(1.6 + 3.7 * columns, 0.9 + 1.6 * rows)
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    for ax, (name, (what, unit, own)) in zip(axes.flat, panels, strict=False):
+        _curves(ax, motion, found[name][:, own], (what, unit), name, result.details.get("singular") or ())
+    for ax in axes.flat[len(panels) :]:
+        ax.set_axis_off()
     for column in axes.T:
         last = [ax for ax in column if ax.axison][-1]
         last.set_xlabel("time [s]")
         last.tick_params(labelbottom=True)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    lines = {line.get_label(): line for ax in axes.flat for line in ax.lines if line.get_label() in "xyz"}
+    figure.legend([lines[axis] for axis in sorted(lines)], sorted(lines), loc="outside lower center", ncols=4)
     left = f", {len(found) - len(shown)} more bear less" if len(shown) < len(found) else ""
     title = f"{result.name}: what loops bear, on a by b in the joint frame of b{left}{motion.ending()}"
     style.title(figure, title)
@@ -62,6 +61,8 @@ def _curves(ax, motion, values, part, name, singular):
     usual = float(np.quantile(size, USUAL)) if len(singular) else float(np.max(size))
     one, shown = readable(unit, usual)
     for k, axis in enumerate("xyz"):
+        if not np.any(values[:, k]):
+            continue
         ax.plot(motion.t[keep], values[keep, k] / one, color=style.SERIES[k], lw=1.2, label=axis)
     for t in singular:
         ax.axvline(t, color="#999999", lw=0.7, ls=":")

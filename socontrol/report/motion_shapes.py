@@ -7,7 +7,6 @@ from socontrol.report.motion import Motion, time_colours
 from socontrol.report.obstacle_shapes import add_obstacles
 from socontrol.report.portrait import add_plates, add_robot
 from socontrol.report.scene import Scene, fit, paint, planes, project, shaded
-from socontrol.report.units import number
 
 WIDEST, HIGHEST = 8.6, 6.0  # inches
 THIN = 1.1  # points: rods thinner than this on paper are drawn as lines
@@ -153,11 +152,11 @@ def _time_bar(figure, place, motion, colours):
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm
 
-    times, count = motion.t[motion.overlaid], len(motion.overlaid)
+    count = len(motion.overlaid)
     norm = BoundaryNorm(np.arange(count + 1), count)
     bar = figure.colorbar(ScalarMappable(norm, colours), spacing="uniform", **place)
     bar.ax.set_label("time")
-    bar.set_ticks(np.arange(count) + 0.5, labels=[number(x, 3) for x in times])
+    bar.set_ticks(np.arange(count) + 0.5, labels=motion.labels)
     bar.ax.tick_params(which="both", length=0)
     bar.set_label(motion.quantity)
     bar.outline.set_linewidth(0.4)

@@ -39,7 +39,7 @@ def render(result, console, verbose=0):
     _joints(result, console)
     of_simulation(result, console)
     _energies(result, console)
-    _loops(result, console)
+    what_loops_bear(result, console)
     _trust(result, console)
     if verbose > 1 and result.question is not None:
         _coordinates(result, console)
@@ -156,7 +156,7 @@ def _trust(result, console):
     line(console, "")
 
 
-def _loops(result, console):
+def what_loops_bear(result, console):
     """What loops bear at the end, how far they drifted, how they were closed, and where forces have no bound."""
     if "loops" not in result.residuals:
         return
@@ -174,7 +174,7 @@ def _loops(result, console):
 
 
 def _moved(result, moved):
-    """`coupler by -11.2 deg and rocker by 67.9 deg`; strains of rods by rod."""
+    """`coupler by -11.2 deg and rocker by 67.9 deg`; strains of rods by rod, and what that takes."""
     robot, told, rods = result.question.robot, [], {}
     units = dict(zip(robot.coordinates, robot.coordinate_units, strict=True))
     for name, change in moved.items():
@@ -182,8 +182,15 @@ def _moved(result, moved):
         if rod is None:
             told.append(f"{name} by {with_unit(change, units[name], 3)}")
         else:
-            rods.setdefault(rod, []).append(name)
-    return joined([*told, *(f"{counted(len(own), 'strain')} of {rod}" for rod, own in rods.items())], "and")
+            rods.setdefault(rod, {}).setdefault(units[name], []).append(abs(change))
+    for rod, own in rods.items():
+        sizes = {unit: max(changes) for unit, changes in own.items()}
+        most = [f"{100 * x:.3g} %" if unit == "1" else with_unit(x, unit, 3) for unit, x in sizes.items()]
+        told.append(f"{counted(sum(map(len, own.values())), 'strain')} of {rod} (up to {joined(most, 'and')})")
+    if not rods or "energy" not in result.arrays:
+        return joined(told, "and")
+    held = with_unit(float(result.arrays["energy"][0, 1]), "J", 3)
+    return f"{joined(told, 'and')}: rods and springs begin with {held}; `start: {{settled: true}}` begins at rest"
 
 
 def _motors(result, names):

@@ -252,5 +252,5 @@ TENSION_FIGURES = {
         "cables": cables_figure,
     },
     "motion": {"shapes": motion_figure, "strips": tension_strips_figure, "path": tracked_figure,
-               "coordinates": coordinates_figure},
+               "coordinates": coordinates_figure, "loops": loops_figure},
 }

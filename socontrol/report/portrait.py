@@ -5,13 +5,14 @@ import numpy as np
 from socontrol.mechanics.loads import Distributed, Wrench
 from socontrol.model.rods import Rod
 from socontrol.programs.postures.goals import AxisDirection, Path, Point, Pose, Shape
-from socontrol.report import loop_scene, shapes, style
+from socontrol.report import links, loop_scene, shapes, style
 from socontrol.report.ellipsoid_scene import add_ellipsoids
 from socontrol.report.scene import TRIAD, Scene, fit, paint, planes, project
 from socontrol.report.tension_cables import add_lines
 from socontrol.report.units import miss, number, with_unit
 
 POSES = 7  # of a robot on a path
+OBLIQUE = 15.0  # deg off the axes of the world at the least: else labels of an axis seen from its end fall together
 SPREAD = 7  # arrows of a distributed load
 
 
@@ -47,15 +48,17 @@ def _size(scene):
 
 def add_robot(scene, posed, colour, layer, pale=False, corners=None):
     """Skins of rods, links and joints, and a plate where the robot stands; `pale`: all in one colour, no plate."""
+    plates, rigid = links.plates(posed), []
     for name, segment in posed.robot.tree.segments.items():
         if isinstance(segment, Rod):
             scene.skin(shapes.rod_skin(posed, name, corners), colour, layer)
-            for skin in shapes.mount(posed, posed.robot.tree.of[name][0], posed.slim):
-                scene.skin(skin, colour if pale else style.LINK, layer)
+            if segment.parent not in plates:
+                rigid += [("link", skin) for skin in links.mount(posed, posed.robot.tree.of[name][0], posed.slim)]
         else:
-            for part, skin in shapes.link_skins(posed, name):
-                tint = {"link": style.LINK, "joint": style.JOINT}[part]
-                scene.skin(skin, colour if pale else tint, layer)
+            rigid += links.link_skins(posed, name, plates)
+    rigid += [("link", skin) for skin in links.arms(posed, plates)]
+    for part, skin in rigid:
+        scene.skin(skin, colour if pale else {"link": style.LINK, "joint": style.JOINT}[part], layer)
     if not pale:
         add_plates(scene, posed, layer)
 
@@ -246,14 +249,16 @@ def _composed(scene, result, posed, scale, legend):
 
 
 def _azimuth(scene, posed):
-    """A view 60 deg off the direction in which the robot reaches out sideways."""
+    """A view 60 deg off the direction in which the robot reaches out sideways, and along no axis of the world."""
     v = scene.vertical()[0]
     tips = [posed.place(name)[:3, 3] for name in shapes.ends(posed.robot)]
     reach = max((t - posed.bases[0][:3, 3] for t in tips), key=np.linalg.norm)
     a, b = reach[(v + 1) % 3], reach[(v + 2) % 3]
     if np.hypot(a, b) < 0.05 * np.linalg.norm(reach):
         return -60.0
-    return float(np.degrees(np.arctan2(b, a)) - 60.0)
+    wanted = float(np.degrees(np.arctan2(b, a)) - 60.0)
+    square = 90.0 * round(wanted / 90.0)
+    return square + float(np.copysign(max(OBLIQUE, abs(wanted - square)), wanted - square))
 
 
 def _add_gravity(ax, robot, plane):

@@ -13,6 +13,7 @@ from socontrol.report import shapes
 
 AXES = "xyz"
 TRIAD = ("#D55E00", "#009E73", "#0072B2")  # x, y, z: told apart by every kind of colour vision
+FITS = 4  # corrections of the size of a view: labels keep theirs, so that the first is not the last
 FAR = 0.55  # share of the rod's colour in a line on its far side
 
 
@@ -158,16 +159,43 @@ def paint(ax, scene, azimuth=-60.0, elevation=18.0, zoom=1.0):
 
 def fit(figure, ax, cell):
     """Zoom and shift a 3D axes to fill `cell` (left, bottom, width, height in pixels), labels included."""
-    limits = np.array([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()])
+    spans, zoom = np.ptp([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()], axis=1), 1.0
+    skins = [skin for one in figure.axes for skin in one.collections]
+    for skin in skins:
+        skin.set_visible(False)  # they lie inside the box, and take most of the time of a drawing
     figure.draw_without_rendering()
-    drawn = ax.get_tightbbox()
-    ax.set_box_aspect(np.ptp(limits, axis=1), zoom=min(cell[2] / drawn.width, cell[3] / drawn.height))
-    _clear(figure, ax)
-    _thin(figure, ax)
-    drawn, at, whole = ax.get_tightbbox(), ax.get_position(), ax.get_figure().bbox
+    layout = figure.get_layout_engine()
+    figure.set_layout_engine("none")  # what stands beside keeps its place
+    for _ in range(FITS):
+        figure.draw_without_rendering()
+        drawn = _extent(ax)
+        larger = min(cell[2] / drawn.width, cell[3] / drawn.height)
+        if 0.97 < larger < 1.03:
+            break
+        zoom *= larger
+        ax.set_box_aspect(spans, zoom=zoom)
+        _clear(figure, ax)
+        _thin(figure, ax)
+    figure.draw_without_rendering()
+    drawn, at, whole = _extent(ax), ax.get_position(), ax.get_figure().bbox
     right = (cell[0] + cell[2] / 2 - (drawn.x0 + drawn.x1) / 2) / whole.width
     up = (cell[1] + cell[3] / 2 - (drawn.y0 + drawn.y1) / 2) / whole.height
     ax.set_position([at.x0 + right, at.y0 + up, at.width, at.height])
+    figure.set_layout_engine(layout)
+    for skin in skins:
+        skin.set_visible(True)
+
+
+def _extent(ax):
+    """All that a 3D axes shows: the box of its limits, and labels and titles of its axes where they were drawn last."""
+    from matplotlib.transforms import Bbox
+    from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+    corners = np.array(np.meshgrid(ax.get_xlim(), ax.get_ylim(), ax.get_zlim())).reshape(3, -1)
+    flat = np.column_stack(proj_transform(*corners, ax.get_proj())[:2])
+    axes = [getattr(ax, f"{name}axis") for name in AXES]
+    boxes = [box for axis in axes for box in [*label_boxes(axis), axis.label.get_window_extent()]]
+    return Bbox.union([Bbox(np.array([flat.min(0), flat.max(0)])).transformed(ax.transData), *boxes])
 
 
 def label_boxes(axis):
@@ -261,7 +289,7 @@ def _dress(ax, scene):
         axis.line.set_color("#9aa3ad")
         upright = AXES[scene.vertical()[0]] == name  # its labels stand beside it: wide ones further away
         wide = max(0, max(len(f"{t:g}") for t in getattr(ax, f"get_{name}ticks")()) - 2) if upright else 0
-        getattr(ax, f"set_{name}label")(f"{name} [{scene.unit[1]}]", labelpad=7 + 7 * wide)
+        getattr(ax, f"set_{name}label")(f"{name} [{scene.unit[1]}]", labelpad=7 + 4 * wide)
         ax.tick_params(name, pad=1.5 + 3.6 * wide, labelsize=7, colors="#444444")
 
 

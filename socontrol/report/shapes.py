@@ -17,7 +17,7 @@ from socontrol.model.sections import section_at
 STATIONS = 36  # along a rod
 CORNERS = 28  # of a round outline
 WINDING = 0.2  # rad about the axis from point to point of a line that is drawn
-SLIM = 0.018  # radius of a bar that stands for a rigid link, over the robot's length
+SLIM = 0.013  # radius of a bar that stands for a rigid link, over the robot's length
 
 
 class Posed:
@@ -99,9 +99,19 @@ def unloaded(robot):
 
 
 def ends(robot):
-    """Names of the segments that carry nothing: the tips."""
+    """Names of the tips: segments that carry nothing, and of these, where loops close a robot, those that no loop
+    holds at their end; without such rods before links, and one of two links that a loop joins."""
     carried = {segment.parent for segment in robot.tree.segments.values()}
-    return [name for name in robot.segments if name not in carried]
+    tips = [name for name in robot.segments if name not in carried]
+    closing = [end for loop in robot.loops.values() for end in (loop.a, loop.b) if _at_end(end)]
+    held, first = {end.segment for end in closing}, {loop.a.segment for loop in robot.loops.values()}
+    rods = [name for name in tips if isinstance(robot.tree.segments[name], Rod)]
+    wanted = ([name for name in tips if name not in held], rods, [name for name in tips if name not in first], tips)
+    return next(names for names in wanted if names) if held else tips
+
+
+def _at_end(end):
+    return end.at == 1 and np.allclose(matrix(end.placement.pose())[:3, 3], 0.0, rtol=0, atol=1e-9)
 
 
 def outline(section, corners=CORNERS):
@@ -158,55 +168,6 @@ def rod_skin(posed, segment, corners=None):
     X, frames = posed.rod(segment)
     profile = posed.robot.tree.segments[segment].cross_section
     return sweep(frames, [outline(section_at(profile, x), corners or CORNERS) for x in X])
-
-
-def mount(posed, i, radius):
-    """Skins of the rigid part between a piece and what carries it; none where they touch."""
-    piece, base = posed.pieces[i], posed.bases[i][:3, 3]
-    if piece.parent is None:
-        return []
-    stand = posed.pose(piece.parent, piece.place)[:3, 3]
-    return [bar(stand, base, radius)] if np.linalg.norm(base - stand) > posed.slim / 4 else []
-
-
-def link_skins(posed, segment):
-    """[(part, skin)] of a joint: part is `link` for what is rigid and `joint` for what turns or slides."""
-    i = posed.robot.tree.of[segment][0]
-    piece, slim = posed.pieces[i], posed.slim
-    base, moved = posed.bases[i], posed.pose(i)
-    end, parts = moved @ matrix(piece.end), []
-    carried = posed.end_radius(piece.parent, piece.place)
-    radius = 0.6 * carried if carried and piece.size == 0 else slim
-    parts += [("link", skin) for skin in mount(posed, i, radius)]
-    if np.linalg.norm(end[:3, 3] - moved[:3, 3]) > slim / 4:
-        parts.append(("link", bar(moved[:3, 3], end[:3, 3], radius)))
-    body = piece.record.body
-    if body is not None:
-        com = (moved @ np.array([*map(float, body.com), 1.0]))[:3]
-        span = end[:3, 3] - moved[:3, 3]
-        away = np.linalg.norm(np.cross(com - moved[:3, 3], span)) / max(np.linalg.norm(span), 1e-12)
-        if np.linalg.norm(span) < slim / 4 or away > slim:
-            if np.linalg.norm(com - moved[:3, 3]) > slim:
-                parts.append(("link", bar(moved[:3, 3], com, slim / 2)))
-            parts.append(("link", ball(com, 2 * slim)))
-    if piece.size:
-        parts.append(("joint", _joint(piece, base, moved, slim)))
-    return parts
-
-
-def _joint(piece, base, moved, slim):
-    """A drum along the axis of what turns, a sleeve along what slides, a ball for several axes."""
-    Phi = matrix(piece.Phi).reshape(6, piece.size)
-    centre = moved[:3, 3]
-    angular, linear = Phi[:3], Phi[3:]
-    if piece.size == 1 and np.linalg.norm(angular) > 0:
-        axis, centre = angular[:, 0], (base @ np.array([*np.cross(angular[:, 0], linear[:, 0]), 1.0]))[:3]
-    elif np.linalg.matrix_rank(Phi[:3]) <= 1 and piece.size <= 2:
-        axis, centre = linear[:, -1], base[:3, 3]
-    else:
-        return ball(centre, 1.9 * slim)
-    half = base[:3, :3] @ axis * 1.8 * slim / np.linalg.norm(axis)
-    return bar(centre - half, centre + half, 1.7 * slim)
 
 
 def cables(posed, index):

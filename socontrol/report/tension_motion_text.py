@@ -5,6 +5,7 @@ import numpy as np
 from socontrol.report import tension_deviation
 from socontrol.report.columns import line, say
 from socontrol.report.inputs_text import ranges_table
+from socontrol.report.motion_text import what_loops_bear
 from socontrol.report.said import attempts, headline
 from socontrol.report.tension_course import Course
 from socontrol.report.tension_text import at_limits, ranges
@@ -27,6 +28,9 @@ def render(result, console, verbose=0):
     at_limits(course, console)
     _unmet(result, console)
     _simulated(result, console)
+    if result.question.robot.loops:
+        line(console, "")
+        what_loops_bear(result, console)
     attempts(result, console, verbose)
     line(console, "")
 

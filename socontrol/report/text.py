@@ -3,6 +3,7 @@
 import numpy as np
 from rich.text import Text
 
+from socontrol.quantities import joined
 from socontrol.report import (
     branch_text,
     ellipsoid_text,
@@ -20,6 +21,7 @@ from socontrol.report.tension_course import kind_of, lines
 from socontrol.report.tension_table import cables, slack_names, tells, tight_limits
 from socontrol.report.units import fixed, miss, number, quiet, readable, with_unit
 
+NOT_FOUND = "no way found by this limit alone"
 TOGETHER = "Together they would do: "  # of a message about what is out of reach
 MOVING = {"simulation": motion_text.render, "trajectory": plan_text.render, "continuation": branch_text.render}
 
@@ -49,6 +51,7 @@ def render(result, console, verbose=0):
     (tension_text.of_path if on_path else tension_text.compliance)(result, console)
     _frames(result, console, verbose, on_path)
     _joints(result, console)
+    _displaced(result, console)
     ellipsoid_text.table(result, console)
     _goals(result, console, on_path)
     _trust(result, console, verbose)
@@ -90,6 +93,17 @@ def _joints(result, console):
         return
     shown = in_units(found, 5)
     columns(console, ["joint", "value>", ""], [[(name, "bold"), *shown[name]] for name in found])
+
+
+def _displaced(result, console):
+    """Where forward statics has taken a point farthest."""
+    where = result.details.get("largest_displacement")
+    if where is None:
+        return
+    at = f"the end of {where['segment']}" if where["at"] == 1 else f"{where['segment']} at X = {where['at']:.4g}"
+    far = miss(result["largest_displacement"], "m")
+    say(console, "moved", f"at most {far}, {at}, from where rods are straight and joints at 0")
+    line(console, "")
 
 
 def _goals(result, console, on_path):
@@ -162,13 +176,13 @@ def _unreachable(result, console):
     if rows and not names_cables(result):
         columns(
             console,
-            ["active limit", "side", "stands at>", "alone it would have to be"],
+            ["limit", "side", "stands at>", "alone it would have to be"],
             [
                 [
                     (row["name"], "bold"),
                     row["side"],
                     with_unit(row["limit"], row["unit"]),
-                    "not by this limit alone" if row["needed"] is None else with_unit(row["needed"], row["unit"]),
+                    NOT_FOUND if row["needed"] is None else with_unit(row["needed"], row["unit"]),
                 ]
                 for row in rows
             ],
@@ -198,10 +212,23 @@ def _prescribed(result, console):
     if not holding:
         return
     rows = [
-        [(name, "bold"), " ".join((x, "(SI, strain's conjugate)" if unit == "conjugate" else unit)).rstrip()]
+        [(name, "bold"), " ".join((x, "(SI, strain's conjugate)" if unit == "conjugate" else unit)).rstrip(),
+         _beside(result, name, holding[name].unit)]
         for name, (x, unit) in in_units(holding).items()
-    ]
-    columns(console, ["held coordinate", "holding force"], rows)
+    ]  # fmt: skip
+    columns(console, ["held coordinate", "held by", ""], rows)
+
+
+def _beside(result, coordinate, unit):
+    """`torque, beside the 0 of motor`: what holds a coordinate, and what an input gives it anyway."""
+    word = {"N m": "torque", "N": "force"}.get(unit, "")
+    inputs = {name: value for name, value, _ in input_values(result)}
+    driving = [] if result.question is None else [
+        f"the {with_unit(inputs[name], unit)} of {name}"
+        for name, actuator in zip(result.question.robot.inputs, result.question.robot.input_actuators, strict=True)
+        if getattr(actuator, "joint", None) == coordinate and name in inputs
+    ]  # fmt: skip
+    return f"{word}, beside {joined(driving, 'and')}" if driving else word
 
 
 def _sensitivities(result, console):

@@ -46,9 +46,9 @@ def percent(share):
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{number(100 * share, 2)} %"
 
 
-def quiet(values, noise=1e-9):
-    """The values with 0 for those that rounding leaves beside the largest."""
-    largest = max((abs(x) for x in values if isfinite(x)), default=0.0)
+def quiet(values, noise=1e-9, beside=0.0):
+    """The values with 0 for those that rounding leaves beside the largest of them and of `beside`."""
+    largest = max((abs(x) for x in (*values, beside) if isfinite(x)), default=0.0)
     return [0.0 if abs(x) < noise * largest else x for x in values]
 
 

@@ -85,6 +85,8 @@ PICTURES = {  # problem file: those of its figures to keep
     "octopus_figure_eight": ("robot", "strips"),
     "tip_tracking": ("strips", "path"),
     "finray_press": ("robot",),
+    "finray_buckling": ("branches", "shapes"),
+    "parallel_soft_platform": ("robot",),
 }
 
 

@@ -19,9 +19,9 @@ from reference_rod import robot
 
 from socontrol.programs.motions.charts import Charts
 from socontrol.programs.motions.cvodes import CvodesMarch
+from socontrol.programs.motions.displacements import displacement_weights
 from socontrol.programs.motions.integrators import Cvodes, Gauss, Marcher, Radau
 from socontrol.programs.motions.plant import Plant
-from socontrol.programs.motions.simulation import displacement_weights
 
 TIMES = np.linspace(0.0, 1.0, 21)
 PROTOTYPE = "the prototype's implicit steps of 10 ms: 0.070 s with 2.7e-3 at 4 sections"

@@ -50,19 +50,22 @@ class Balance:
         self._run()
         return self._r, self._K.T, self._B.T
 
-    def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200):
-        """Equilibrium at inputs u from q0 (default: 0); `prescribed` {index: value} locks coordinates."""
+    def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200, settle=True):
+        """Equilibrium at inputs u from q0 (default: 0); `prescribed` {index: value} locks coordinates.
+
+        Without `settle` the one that Newton's method alone finds, stable or not.
+        """
         q = np.zeros(self.robot.n) if q0 is None else np.array(q0, dtype=float)
         free = np.ones(q.size, dtype=bool)
         for index, value in (prescribed or {}).items():
             q[index], free[index] = value, False
         u = np.asarray(u, dtype=float)
         solution, count, reached = self._newton(q, u, p, free, None, 40)
-        if not reached or not self._stands(solution, u, p, free):
+        if settle and not (reached and self._stands(solution, u, p, free)):
             rest, more, settled = self._settle(q, u, p, free, 60)
             if settled:
                 solution, count, reached = rest, count + more, True
-        if not reached:
+        if settle and not reached:
             solution, more, reached = self._load_steps(q, u, p, free, max_iterations - count)
             count += more
         residual = np.array(self.evaluate(solution, u, p)[0])

@@ -1,7 +1,9 @@
 """Branches of equilibria: followed point by point as one parameter changes, past points where they turn back.
 
 From each point the tangent leads ahead by a step, and Newton's method back to the branch (`family`). Steps grow where
-it is quick and shrink where the branch turns, or where more than one motion loses its stiffness.
+it is quick and shrink where the branch turns, where more than one motion loses its stiffness, or where stability
+changes and no critical point is found in between: that is another branch, which comes near where robots are nearly
+symmetric.
 Source: E. Allgower, K. Georg, "Numerical Continuation Methods", 1990, ch. 2, 6.
 """
 
@@ -14,7 +16,7 @@ from socontrol.programs.equilibria.family import Point
 LONGEST, FIRST, SHORTEST = 0.04, 0.02, 1e-7  # steps: of scaled coordinates (1: a section bent by a radian) and of s
 TURNED = 0.95  # cosine between tangents that follow each other: the branch is drawn by its points
 ASIDE = 0.5  # of a step: further from the predicted point may be another branch
-FINEST = 1e-4  # step from which on several motions may lose their stiffness at once
+FINEST = 1e-4  # step from which on motions may lose their stiffness several at once, or without a point that says why
 QUICK, SLOW = 4, 6  # iterations of Newton's method: longer steps up to the first, shorter ones beyond the other
 LOWEST = -1.0  # of s: a branch that turns back is followed as far to the other side
 HOME = 0.2  # of the longest step, from the first point: the branch has closed
@@ -30,7 +32,7 @@ class Branch:
     marks: dict
 
 
-def follow(family, start, points, mark=lambda a, b: [], stop=lambda found: None):
+def follow(family, start, points, mark=None, stop=lambda found: None):
     """Branch from a Point along its tangent, with at most `points` points.
 
     mark(a, b): [(Point, what it is)] to be put between neighbours; stop(what): why to end there, or None.
@@ -38,19 +40,25 @@ def follow(family, start, points, mark=lambda a, b: [], stop=lambda found: None)
     found, marks, step, last = [start], {}, FIRST, start
     while len(found) < points:
         ahead, count = family.corrected(last, step * last.t)
-        if ahead is None or not _near(family, last, ahead, step):
+        if ahead is not None and not _near(family, last, ahead, step):
+            ahead = None
+        ends = [s for s in (1.0, LOWEST) if ahead and ((ahead.s - s) * (last.s - s) < 0 or ahead.s == s)]
+        if ends:
+            ahead = family.at(last, ahead, ends[0])
+        if ahead is None:
             step /= 2
             if step < SHORTEST:
                 return Branch(found, _why(family, last), marks)
             continue
-        ends = [s for s in (1.0, LOWEST) if (ahead.s - s) * (last.s - s) < 0 or ahead.s == s]
-        if ends:
-            ahead = family.at(last, ahead, ends[0]) or ahead
-        for point, what in mark(last, ahead):
+        marked = mark(last, ahead) if mark else []
+        if mark and not marked and ahead.unstable != last.unstable and step > FINEST:  # not without a critical point
+            step /= 2
+            continue
+        for point, what in marked:
             marks[len(found)] = what
             found.append(point)
-            if reason := stop(what):
-                return Branch(found, reason, marks)
+        if reasons := [reason for _, what in marked if (reason := stop(what))]:
+            return Branch(found, reasons[0], marks)
         found.append(ahead)
         if ends:
             return Branch(found, "end" if ends[0] == 1.0 else "back", marks)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from socontrol.mechanics.loops import independent, slices
+from socontrol.mechanics.loops import independent, reach, slices, units_of
 from socontrol.native.buffers import buffered
 from socontrol.programs.equilibria.balance import LONGEST, TOLERANCE, Balance, Equilibrium, newton_step
 from socontrol.programs.equilibria.closing import CLOSED, Assembly
@@ -66,8 +66,8 @@ class ClosedBalance(Balance):
         super().__init__(robot, parameters, scaling)
         functions = robot.functions(parameters)
         self._rows, self._slopes = buffered(functions.closing), buffered(functions.loop_rows)
-        self.units = tuple(unit for loop in robot.loops.values() for unit in loop.units)
-        self.reach = np.where(np.array(self.units, dtype=object) == "rad", 1.0, robot.length)
+        self.units = units_of(robot.loops)
+        self.reach = reach(self.units, robot.length)
 
     def closing(self, q, lam=None, p=None):
         """e [k], E [k x n] and d(E^T lam)/dq [n x n]; the arrays are reused by the next call."""
@@ -89,15 +89,18 @@ class ClosedBalance(Balance):
         return e, E.T
 
     def split(self, q, free, p=None):
-        """What E leaves on the free coordinates, scaled: rank, V^T [f x f] and U / s [k x rank]; see `independent`."""
+        """Split of E on the free coordinates over their scales."""
         E = self.rows(q, p)[1][:, free] * self.scales.q[free]
         return independent(E, self.units, self.robot.length)
 
     def multipliers(self, q, u, free, p=None):
         """The least lam [k] that balance q and u best."""
-        rank, Vt, inverse = self.split(q, free, p)
         r = self.evaluate(q, u, p)[0][free] / self.scales.force[free]
-        return inverse @ (Vt[:rank] @ r) * self.scales.energy / self.reach
+        return self.least(self.split(q, free, p), r)
+
+    def least(self, split, r):
+        """The least lam [k] that bear what a Split holds of a scaled force r [f]."""
+        return split.least(r) * self.scales.energy / self.reach
 
     def unbalanced(self, q, u, lam, p=None):
         """Residual r - E^T lam [n] and its tangent [n x n]."""
@@ -107,34 +110,37 @@ class ClosedBalance(Balance):
 
     def held(self, q, free):
         """What holds: slopes [rank x n] and columns [n x rank] for `stability`."""
-        rank, Vt, _ = self.split(q, free)
-        slopes, columns = np.zeros((rank, free.size)), np.zeros((free.size, rank))
-        slopes[:, free], columns[free] = Vt[:rank] / self.scales.q[free], (Vt[:rank] * self.scales.force[free]).T
+        held = self.split(q, free).held
+        slopes, columns = np.zeros((len(held), free.size)), np.zeros((free.size, len(held)))
+        slopes[:, free], columns[free] = held / self.scales.q[free], (held * self.scales.force[free]).T
         return slopes, columns
 
     def redundant(self, q, free):
         """{loop: how many of its rows hold nothing that the rows before them do not hold}, of those that have any."""
         E, found, before = self.rows(q)[1][:, free] * self.scales.q[free], {}, 0
         for name, own in slices(self.robot.loops).items():
-            rank = independent(E[: own.stop], self.units[: own.stop], self.robot.length)[0]
+            rank = independent(E[: own.stop], self.units[: own.stop], self.robot.length).rank
             extra = own.stop - own.start - (rank - before)
             before = rank
             if extra:
                 found[name] = extra
         return found
 
-    def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200):
-        """Equilibrium at inputs u from q0 (default: 0); `prescribed` {index: value} locks coordinates."""
+    def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200, settle=True):
+        """Equilibrium at inputs u from q0 (default: 0); `prescribed` {index: value} locks coordinates.
+
+        Without `settle` the one that Newton's method alone finds, stable or not.
+        """
         q = np.zeros(self.robot.n) if q0 is None else np.array(q0, dtype=float)
         free = np.ones(q.size, dtype=bool)
         for index, value in (prescribed or {}).items():
             q[index], free[index] = value, False
-        return _Way(self, np.asarray(u, dtype=float), p, free, max_iterations).solve(q)
+        return _Way(self, np.asarray(u, dtype=float), p, free, max_iterations).solve(q, settle)
 
-    def rest_beside(self, u, q, prescribed=None):
+    def rest_beside(self, u, q, prescribed=None, p=None):
         """As `solve`, from a closed shape q and with less effort: without load steps."""
         free = ~np.isin(np.arange(self.robot.n), list(prescribed or {}))
-        return _Way(self, np.asarray(u, dtype=float), None, free, 0).solve(q)
+        return _Way(self, np.asarray(u, dtype=float), p, free, 0).solve(q)
 
 
 class _Way:
@@ -146,16 +152,16 @@ class _Way:
         self.both, self.scale = np.ix_(free, free), self.size / self.force[:, None]
         self.assembly, self.steps = Assembly(balance, free, p), 0
 
-    def solve(self, q):
+    def solve(self, q, settle=True):
         with np.errstate(all="ignore"):
             start, error = self.assembly.assembled(q)
             if error > CLOSED:
                 return self._ended(start, np.zeros(self.balance.reach.size), self.assembly.told(start))
             point, reached = self._newton(start)
-            if not reached or not point.stands:
+            if settle and not (reached and point.stands):
                 rest, settled = self._rest(start, None, RESTING if self.limit else 2 * BRIEFLY)
                 point, reached = (rest, True) if settled else (point, reached)
-            if not reached:
+            if settle and not reached:
                 point, reached = self._load_steps(start)
         return self._ended(point.q, point.lam, None, reached)
 
@@ -168,30 +174,26 @@ class _Way:
     def _point(self, q, offset=None):
         """The closed shape q with what pushes it, less `offset` [n]."""
         balance, free = self.balance, self.free
-        rank, Vt, inverse = balance.split(q, free, self.p)
+        split = balance.split(q, free, self.p)
         r, K, _ = balance.evaluate(q, self.u, self.p)
         r = (r - (0.0 if offset is None else offset))[free] / self.force
-        lam = inverse @ (Vt[:rank] @ r) * balance.scales.energy / balance.reach
+        lam = balance.least(split, r)
         tangent = (K - balance.closing(q, lam, self.p)[2])[self.both] * self.scale
-        Z = Vt[rank:].T
+        Z = split.left
         return _Point(q, lam, Z, Z.T @ r, Z.T @ tangent @ Z)
 
     def _newton(self, q):
         """(point, whether at rest) after steps of Newton's method on q and the multipliers, from a closed q."""
         balance, split = self.balance, self.balance.split(q, self.free, self.p)
         for _ in range(2):  # with the rank found at the start, and that found at the rest
-            rank, Vt, inverse = split
-            s = 1 / np.linalg.norm(inverse, axis=0)
             r = balance.evaluate(q, self.u, self.p)[0][self.free] / self.force
-            x = _Iterate(self, q, Vt[:rank] @ r / s, (inverse * s).T / balance.reach)
-            x = x.nearest()
+            x = _Iterate(self, q, split.held @ r / split.s, split.U.T / balance.reach).nearest()
             if not x.largest <= 1e-9:
                 break
-            q, split = x.q, balance.split(x.q, self.free, self.p)
-            if split[0] == rank:
-                Z, (r, tangent) = split[1][rank:].T, x.forces
-                lam = split[2] @ (split[1][:rank] @ r) * balance.scales.energy / balance.reach
-                return _Point(q, lam, Z, Z.T @ r, Z.T @ tangent @ Z), x.apart <= CLOSED
+            q, before, split = x.q, split.rank, balance.split(x.q, self.free, self.p)
+            if split.rank == before:
+                Z, (r, tangent) = split.left, x.forces
+                return _Point(q, balance.least(split, r), Z, Z.T @ r, Z.T @ tangent @ Z), x.apart <= CLOSED
         return self._point(q), False
 
     def _rest(self, q, offset, limit):

@@ -1,21 +1,50 @@
 """Closing loops: the shape nearest to a guess, by the scaled change of its coordinates, at which e(q) = 0.
 
 Levenberg-Marquardt steps whose damping falls with the square of the error, so that rows may depend on each other; where
-the guess does not lead to a closed shape, random ones are tried.
+the guess does not lead to a closed shape, random ones are tried. Joints that a guess has turned so often that their
+angles are rounded to more than an error are first turned back by whole turns, which changes no shape.
 Source: J. Fan, Y. Yuan, Computing 74 (2005).
 """
 
 import numpy as np
 
-from socontrol.mechanics.loops import slices
+from socontrol.mechanics.loops import slices, units_of
+from socontrol.model.joints import Revolute
 from socontrol.programs.equilibria.balance import LONGEST
 from socontrol.programs.result import Status
 from socontrol.quantities import joined
 
 CLOSED = 1e-12  # scaled error that counts as none
 ROUNDING = 1e-14  # that no step takes away
+FAR = ROUNDING / np.finfo(float).eps  # angle in rad that is itself rounded to as much
 ITERATIONS, NEAREST = 100, 1000  # from a guess; to tell the gap that is left
 STARTS = 16  # random shapes to close from
+
+
+def gaps(robot, e):
+    """{loop: `3.2 mm apart and 4 deg askew`} of the loops that rows e [k] leave open."""
+    found, units = {}, np.array(units_of(robot.loops), dtype=object)
+    for name, own in slices(robot.loops).items():
+        turned = units[own] == "rad"
+        apart, askew = np.linalg.norm(e[own][~turned]), np.linalg.norm(e[own][turned])
+        told = [f"{1e3 * apart:.4g} mm apart"] * bool(apart > CLOSED * robot.length)
+        told += [f"{np.degrees(askew):.4g} deg askew"] * bool(askew > CLOSED)
+        if told:
+            found[name] = joined(told, "and")
+    return found
+
+
+def unwound(robot, q, free, beyond=np.pi, sprung=True):
+    """The same shape [n] with free revolute joints without limits that are `beyond` [rad] turned to within half a turn
+    of 0; those with springs, too, if `sprung`."""
+    q = q.copy()
+    for piece in robot.tree.pieces:
+        i, joint = piece.columns, piece.record
+        if not isinstance(joint, Revolute) or joint.limits or not free[i].all() or abs(q[i][0]) <= beyond:
+            continue
+        if sprung or not np.any(np.array(joint.matrix("stiffness"), dtype=float)):
+            q[i] -= 2 * np.pi * np.round(q[i] / (2 * np.pi))
+    return q
 
 
 class Assembly:
@@ -26,6 +55,7 @@ class Assembly:
 
     def assembled(self, q):
         """The closed shape nearest to q, else from random shapes; (q, scaled error), the least error where all fail."""
+        q = unwound(self.balance.robot, q, self.free, FAR, sprung=False)
         best, least = self.closed(q, ITERATIONS)
         rng = np.random.default_rng(1)
         for _ in range(STARTS if least > CLOSED else 0):
@@ -79,15 +109,9 @@ class Assembly:
         e, names, told = np.array(self.balance.rows(q, self.p)[0]), [], []
         if not np.all(np.isfinite(e)):
             return Status("numerical", "The model gave NaN or infinity while loops were closed; start from a guess.")
-        for name, own in slices(self.balance.robot.loops).items():
-            if np.max(np.abs(e[own] / self.balance.reach[own])) <= CLOSED:
-                continue
-            turned = np.array(self.balance.units[own], dtype=object) == "rad"
-            apart, askew = np.linalg.norm(e[own][~turned]), np.linalg.norm(e[own][turned])
-            gaps = [f"{1e3 * apart:.4g} mm apart"] * bool(apart > CLOSED * self.balance.robot.length)
-            gaps += [f"{np.degrees(askew):.4g} deg askew"] * bool(askew > CLOSED)
+        for name, gap in gaps(self.balance.robot, e).items():
             names.append(f"'{name}'")
-            told.append(joined(gaps, "and"))
+            told.append(gap)
         if len(names) == 1:
             sentence = f"Loop {names[0]} cannot close: at the nearest found its ends stay {told[0]}"
         else:

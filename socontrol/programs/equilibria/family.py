@@ -2,7 +2,8 @@
 
     r(q, s) - E^T lam = 0,    e(q, s) = 0,    s = 0 at the beginning and 1 at the end of the parameter's range.
 A predicted point x* of (q, lam, s) is brought back to the equilibria in the plane t^T (x - x*) = 0. Rows of loops may
-depend on each other: singular values choose those that count, lam is the least.
+depend on each other: singular values choose those that count, at the closed shape one comes from, since linkages that
+are overconstrained have more where they are open; lam is the least.
 Source: H. Keller, in "Applications of Bifurcation Theory", 1977 (pseudo-arclength).
 """
 
@@ -10,14 +11,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from socontrol.programs.equilibria.stability import eigenvalues
+from socontrol.mechanics.loops import independent
+from socontrol.programs.equilibria.stability import MARGINAL, eigenvalues
 
 ITERATIONS = 10  # of Newton's method
 EXACT, CLOSE = 1e-15, 1e-9  # scaled residual: none; and below which one that falls no more is rounding
 SINGULAR = 5e-10  # singular values over the largest: directions nothing decides, in which no step is made
 REGULAR = 1e5  # solution at a probe of size 1 an entry: a larger one asks for a look at the singular values
 FARTHEST = 10.0  # scaled length of a step of Newton's method
-NEGATIVE = 1e-9  # eigenvalue, of a stiffness that is 1 at rest: above its negative is zero
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Growth:
 @dataclass(frozen=True)
 class Point:
     """A point of a branch: q [n], lam [k], s, and there, scaled: tangent t [f + 1] of (free q, s); Z [f x d] that loops
-    leave free, stiffness H [d x d] and the change g [d] of the force with s on it, eigenvalues of H."""
+    leave free, stiffness H [d x d] and the change g [d] of the force with s on it; eigenvalues [d] of H, real parts."""
 
     q: np.ndarray
     lam: np.ndarray
@@ -57,8 +58,15 @@ class Point:
 
     @property
     def unstable(self):
-        """How many motions are unstable (diverge)."""
-        return int(np.sum(self.eigenvalues < -NEGATIVE))
+        """How many motions are unstable."""
+        return int(np.sum(self.eigenvalues < -MARGINAL))
+
+    @property
+    def flutters(self):
+        """Whether what is unstable are motions that drive each other, whose eigenvalues are complex."""
+        values = np.linalg.eigvals(self.H)
+        growing = values[values.real < -MARGINAL]
+        return bool(growing.size and np.all(np.abs(growing.imag) > MARGINAL))
 
     @property
     def smallest(self):
@@ -122,9 +130,9 @@ class Family:
         return _Rows(r[free] / self.force, e, K, E[:, free] * self.size, g[free] / self.force, h)
 
     def _split(self, q, s):
-        """Rank, V^T [f x f] and U / s [k x rank] of the rows of loops."""
+        """Split of the rows of loops."""
         if not self.loops:
-            return 0, np.eye(self.size.size), np.zeros((0, 0))
+            return independent(np.zeros((0, self.size.size)), (), 1.0)
         q, _, p = self.given(s, q)
         return self.balance.split(q, self.free, p)
 
@@ -136,24 +144,24 @@ class Family:
         """The Point at an equilibrium, its tangent along `ahead` [f + 1]; None where numbers are not finite."""
         q = self.given(s, q)[0]
         rows = self._rows(q, np.zeros_like(lam), s)
-        rank, Vt, inverse = self._split(q, s)
+        split = self._split(q, s)
         if self.loops:
-            lam = inverse @ (Vt[:rank] @ rows.r) * self.balance.scales.energy / self.reach
+            lam = self.balance.least(split, rows.r)
             rows = self._rows(q, lam, s)
         if not all(np.all(np.isfinite(x)) for x in (rows.r, rows.K, rows.E, rows.g)):
             return None
-        system = self._system(rows, inverse, ahead)
+        system = self._system(rows, split.inverse, ahead)
         t = _solved(system, np.append(np.zeros(len(system) - 1), 1.0))
         t = np.append(t[: self.size.size], t[-1])
-        Z = Vt[rank:].T
-        drawn = -Vt[:rank].T @ (inverse.T @ rows.h)  # motion that a driven coordinate imposes through loops
+        Z = split.left
+        drawn = -split.held.T @ (split.inverse.T @ rows.h)  # motion that a driven coordinate imposes through loops
         H = Z.T @ rows.K @ Z
         values, g = eigenvalues(H, self.conservative), Z.T @ (rows.g + rows.K @ drawn)
         return Point(q, lam, float(s), _without_neutral(t / np.linalg.norm(t), Z, H, g), Z, H, g, values)
 
     def tangents(self, point, count):
         """Orthonormal directions [f + 1 x count] of (free q, s) in which equilibria go on from a point."""
-        inverse = self._split(point.q, point.s)[2]
+        inverse = self._split(point.q, point.s).inverse
         system = self._system(self._rows(point.q, point.lam, point.s), inverse, np.zeros(self.size.size + 1))[:-1]
         steep = max(1.0, float(np.linalg.norm(system[:, -1])))
         system[:, -1] /= steep
@@ -182,7 +190,7 @@ class Family:
         q[self.free] += way[:-1] * self.size
         if not np.all(np.isfinite(q)) or self.balance.robot.overstrained(q):
             return None, 0
-        inverse, off, before = self._split(q, s)[2], 0.0, np.inf
+        inverse, off, before = self._split(point.q, point.s).inverse, 0.0, np.inf
         for count in range(1, ITERATIONS + 1):
             self.count += 1
             rows = self._rows(q, lam, s)
@@ -216,7 +224,7 @@ def _without_neutral(t, Z, H, g):
     """The tangent without motions that cost nothing and that the parameter does not drive, as of a round rod about its
     own axis: a branch does not go astray along these."""
     left, values, right = np.linalg.svd(H)
-    idle = values <= NEGATIVE
+    idle = values <= MARGINAL
     if not idle.any() or np.linalg.norm(left[:, idle].T @ g) > 1e-6 * np.linalg.norm(g):
         return t
     free = (Z @ right[idle].T) @ (right[idle] @ (Z.T @ t[:-1]))

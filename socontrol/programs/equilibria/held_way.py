@@ -23,7 +23,7 @@ ROUNDS, POLISHING = 20, 8  # of the multipliers; of Newton's method after each
 CLOSE = 1e-6  # scaled residual from which it must fall
 MET = 1e-9  # violation that counts as none, of a cable's length
 SHORTEST = 1 / 256  # step of the way from the lengths at rest to those given
-MOST = 5  # times the solver's iterations on that way
+MOST, CLOSING = 5, 10  # times the solver's iterations on that way; the same where loops are closed, too
 
 
 @dataclass(frozen=True)
@@ -133,10 +133,12 @@ class HeldWay:
                     break
         return state
 
-    def _round(self, sprung, state):
-        """The state after an equilibrium on springs, which gives the next multipliers; None where there is none."""
+    def _round(self, sprung, state, beside=False):
+        """The state after an equilibrium on springs, which gives the next multipliers; None where there is none.
+        beside: one near the state, found with less effort."""
         sprung.q, sprung.before, sprung.count = state.q, state.lam, state.count
-        answer = sprung.solve(self.u, state.q, self.p, self.prescribed, self.limit)
+        limit = 0 if beside and self.closed else self.limit
+        answer = sprung.solve(self.u, state.q, self.p, self.prescribed, limit)
         sprung.count += answer.iterations
         if not answer.status.solved:
             return None
@@ -149,11 +151,12 @@ class HeldWay:
         first = self.balance.routes(state.q)[0][held.index].copy()
         first = np.where(held.pulls, np.maximum(first, held.length), first)
         t, step, count = 0.0, 0.25, state.count
-        while t < 1.0 and step >= SHORTEST and count < MOST * self.limit:
+        most = count + (CLOSING if self.closed else MOST) * self.limit
+        while t < 1.0 and step >= SHORTEST and count < most:
             target = min(1.0, t + step)
             sprung = self.balance.sprung(first + target * (held.length - first), state.lam)
-            trial = self._round(sprung, replace(state, count=count))
-            trial = trial and self._round(sprung, trial)
+            trial = self._round(sprung, replace(state, count=count), beside=True)
+            trial = trial and self._round(sprung, trial, beside=True)
             count = sprung.count
             if trial is None:
                 step /= 2
@@ -229,8 +232,8 @@ class HeldWay:
         own = held.index[taut]
         push = self.balance.evaluate(state.q, u, self.p)[2][free][:, own] * s.u[own] / s.force[free][:, None]
         if self.closed:  # what loops bear is no matter
-            rank, Vt, _ = self.balance.split(state.q, free, self.p)
-            push = Vt[rank:] @ push
+            split = self.balance.split(state.q, free, self.p)
+            push = split.left.T @ push
         values, rows = np.linalg.svd(push)[1:]
         rank = int(np.sum(values > 1e-9 * np.max(values, initial=0.0)))
         if rank == own.size:

@@ -20,7 +20,7 @@ def unheld(question):
     """Names of the free coordinates that no force holds; empty where forward statics can have an answer."""
     robot = question.loaded
     free = np.ones(robot.n, dtype=bool)
-    free[list(question.named("coordinates", question.coordinates))] = False
+    free[list(getattr(question, "locked", None) or question.named("coordinates", question.coordinates))] = False
     if not any(_loose(piece, free) for piece in robot.tree.pieces):
         return []
     given, rng = question.first_coordinates(), np.random.default_rng(0)
@@ -39,7 +39,8 @@ class _Tangents:
     """Tangents of one question's robot on its free coordinates, and the rows that hold them."""
 
     def __init__(self, question, free):
-        self.robot, self.free, self.u = question.loaded, free, question.vector("inputs", question.inputs)
+        self.robot, self.free = question.loaded, free
+        self.u = getattr(question, "acting", question.vector("inputs", question.inputs))
         self.held = getattr(question, "held", None)
         if self.robot.loops:
             self.balance = ClosedBalance(self.robot)

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MARGINAL = 1e-9  # eigenvalue, of a stiffness that is 1 at rest: nearer to zero its sign may be rounding
+
 
 @dataclass(frozen=True)
 class Stability:
@@ -38,24 +40,32 @@ def stability(tangent, scales, conservative, free=None, held=None):
         return Stability(False, float("nan"), conservative, "unknown, tangent not finite", "of unknown stability")
     if K.size == 0:
         return Stability(True, float("inf"), conservative, "stable (no free coordinate)")
+    smallest = float(eigenvalues(K, conservative)[0])
     if conservative:
-        smallest = float(eigenvalues(K, True)[0])
         kind = "smallest eigenvalue of the scaled tangent stiffness"
     else:
-        smallest = float(np.min(np.linalg.eigvals(K).real))
         kind = "smallest real part of the scaled tangent's eigenvalues"
-        kind += " (follower load or friction: divergence only, not flutter)"
-    word = "stable" if smallest > 1e-9 else "marginal" if smallest > -1e-9 else "UNSTABLE"
-    return Stability(smallest > 1e-9, smallest, conservative, f"{word}, {kind} {smallest:.3g}", word)
+        kind += " (some forces have no potential: divergence only, not flutter)"
+    word = called(smallest)
+    return Stability(smallest > MARGINAL, smallest, conservative, f"{word}, {kind} {smallest:.3g}", word)
+
+
+def called(smallest):
+    """`stable`, `marginal` (some motion neither returns nor grows) or `unstable`, by the smallest eigenvalue."""
+    return "stable" if smallest > MARGINAL else "marginal" if smallest >= -MARGINAL else "unstable"
+
+
+def called_along(smallest, critical):
+    """What the points of a branch are called; those at indices `critical` as their neighbours."""
+    words = [called(x) for x in smallest]
+    for k in sorted(critical):
+        words[k] = words[k - 1] if k else words[min(1, len(words) - 1)]
+    return words
 
 
 def eigenvalues(K, conservative):
-    """Eigenvalues, ascending, of the symmetric part of K [d x d]; not conservative: the real ones of K, whose change of
-    sign is divergence."""
-    if conservative:
-        return np.linalg.eigvalsh((K + K.T) / 2)
-    values = np.linalg.eigvals(K)
-    return np.sort(values.real[np.abs(values.imag) <= 1e-9 * np.abs(values)])
+    """Eigenvalues, ascending, of the symmetric part of K [d x d]; not conservative: the real parts of those of K."""
+    return np.linalg.eigvalsh((K + K.T) / 2) if conservative else np.sort(np.linalg.eigvals(K).real)
 
 
 def _moving(K, A, B):

@@ -6,8 +6,10 @@ import casadi as ca
 import numpy as np
 
 from socontrol.lie import so3
+from socontrol.mechanics.elasticity import deviation
 from socontrol.mechanics.lines import Torque
 from socontrol.mechanics.loops import slices
+from socontrol.model.materials import Linear
 from socontrol.programs.equilibria.held_balance import balance_of
 from socontrol.programs.equilibria.lengths import Held, Routes, length_values
 from socontrol.programs.equilibria.stability import stability
@@ -19,6 +21,7 @@ LOOP_TOLERANCE = 1e-9  # recomputed error of a loop, m or rad
 LENGTH_TOLERANCE = 1e-6  # recomputed miss of a held length over the robot's length
 SMALLEST_FORCE = 1e-4  # of what bends a section by a radian: smaller largest forces count as that, not as noise
 SMALLEST_SOUGHT = 1e-2  # the same of optimised postures, whose solver stops at a scaled residual of 1e-10
+STRETCHED = 0.5  # stretch beyond which a linear law is no law of a material
 CRUSHED = -0.9  # stretch: less than a tenth of the length is left
 ACTIVE = 1e-6  # of the limits' span: closer counts as on the limit
 
@@ -175,8 +178,11 @@ class Look:
                         rows.append({**row, "beyond": beyond})
         return rows
 
-    def doubled(self, q, u, prescribed):
-        """Change of each end frame's position when every section is halved, in metres; None when that fails."""
+    def doubled(self, q, u, prescribed, stable=True):
+        """Change of each end frame's position when every section is halved, in metres; None when that fails.
+
+        What is not `stable` is not left for another rest.
+        """
         fine = self.robot.refined(sections=2)
         if fine.n == self.robot.n:
             return {}
@@ -185,7 +191,7 @@ class Look:
         marks = np.zeros(self.robot.n)
         marks[list(prescribed)] = 1.0
         held = {int(i): start[i] for i in np.flatnonzero(spread(self.robot, fine, marks))}
-        answer = balance.solve(u, start, prescribed=held)
+        answer = balance.solve(u, start, prescribed=held, **({} if stable or self.held else {"settle": False}))
         if not answer.status.solved:
             return None
         f = fine.functions()
@@ -208,6 +214,17 @@ def collapsed(robot, q):
             if not stretch >= CRUSHED:
                 names.append(f"{piece.segment}.{piece.index} (stretch {stretch:.2g})")
     return names
+
+
+def overstretched(robot, q):
+    """{segment: stretch} of rods of a linear law that are stretched or shortened by more than STRETCHED, the most."""
+    found, q = {}, np.asarray(q, dtype=float)
+    for piece in robot.tree.pieces:
+        if piece.is_rod and isinstance(piece.record.material, Linear) and piece.size:
+            stretch = float(ca.DM(deviation(piece, q))[3])
+            if abs(stretch) > max(STRETCHED, abs(found.get(piece.segment, 0.0))):
+                found[piece.segment] = stretch
+    return found
 
 
 def spread(robot, fine, q):

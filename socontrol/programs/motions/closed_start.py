@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from socontrol.mechanics.loops import slices
+from socontrol.mechanics.loops import loop_of
 from socontrol.programs.equilibria.closed_balance import ClosedBalance
 from socontrol.programs.equilibria.closing import CLOSED, ITERATIONS, Assembly
 from socontrol.programs.result import Status
@@ -21,7 +21,8 @@ FOLLOWED = 1e-9  # of the largest rate: what is left of A qd
 @dataclass(frozen=True)
 class Begun:
     """q, qd [n each]; status: why there is no start, else None; moved {coordinate: by how much}, and of those that the
-    file names the ones that could not stay (`let_go`); redundant {loop: rows that hold nothing of their own}."""
+    file names the ones that could not stay (`let_go`); redundant {loop: rows that hold nothing of their own}; balance:
+    the ClosedBalance that closed the loops, None without."""
 
     q: np.ndarray
     qd: np.ndarray
@@ -29,6 +30,7 @@ class Begun:
     moved: dict = field(default_factory=dict)
     let_go: tuple = ()
     redundant: dict = field(default_factory=dict)
+    balance: ClosedBalance | None = None
 
     @property
     def sentence(self):
@@ -44,7 +46,6 @@ class Beginning:
     def __init__(self, robot, driven, parameters=(), p=None):
         self.robot, self.driven, self.p = robot, driven, p
         self.balance = ClosedBalance(replace(robot, compiled=False), parameters)
-        self.length = np.where(np.array(self.balance.units, dtype=object) == "rad", 1.0, robot.length)
 
     def begun(self, q, qd, kept, rates_kept):
         """Begun nearest to q and qd; kept, rates_kept: indices of what the file names, in its order."""
@@ -62,7 +63,7 @@ class Beginning:
         let_go += [f"the rate of {self.robot.coordinates[i]}" for i in rates_kept if past[i]]
         changes = {self.robot.coordinates[i]: float(found[i] - q[i]) for i in np.flatnonzero(moved)}
         redundant = balance.redundant(found, free)
-        return Begun(found, rates, status or self._beyond(found), changes, tuple(let_go), redundant)
+        return Begun(found, rates, status or self._beyond(found), changes, tuple(let_go), redundant, balance)
 
     def _closed(self, q, kept):
         """(the closed shape nearest to q, None), else (the nearest found, status)."""
@@ -81,15 +82,14 @@ class Beginning:
 
     def _following(self, q, qd, free):
         """(rates nearest to qd that keep loops closed, None), else (the nearest, status)."""
-        A = self.balance.rows(q, self.p)[1] / self.length[:, None]
+        A = self.balance.rows(q, self.p)[1] / self.balance.reach[:, None]
         size = self.balance.scales.q[free]
         rates, largest = qd.copy(), np.max(np.abs(A * qd), initial=0.0)
         rates[free] -= size * np.linalg.lstsq(A[:, free] * size, A @ qd, rcond=FOLLOWED)[0]
         left = np.abs(A @ rates)
         if np.all(left <= FOLLOWED * largest):
             return rates, None
-        worst = int(np.argmax(left))
-        name = next(name for name, own in slices(self.robot.loops).items() if own.start <= worst < own.stop)
+        name = loop_of(self.robot.loops, int(np.argmax(left)))
         sentence = f"Loop '{name}' does not let the driven joints move so at the start; give other histories"
         return rates, Status("infeasible", f"{sentence}, or begin away from a dead point.")
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from socontrol.mechanics.loops import slices
 from socontrol.native.buffers import buffered
+from socontrol.programs.equilibria.dead_points import dead_point
 from socontrol.programs.looks.answer import LOOP_TOLERANCE
 from socontrol.programs.looks.check import Checker
 from socontrol.programs.result import Status, Value
@@ -33,10 +34,20 @@ def with_loops(result, plant, march, begun):
     status = replace(result.status, message=f"{result.status.message}{begun.sentence}")
     if status.solved and not open_by <= LOOP_TOLERANCE:
         status = Status("rejected", f"A recomputed loop is {open_by:.2g} m or rad open; use more Gauss points.")
+    if result.status.outcome == "rejected" and (dead := _dead_at_start(plant, begun)):
+        fix = "where it may go on in several ways: begin away from it"
+        status = Status("rejected", f"{status.message} At the start, {dead[0].lower()}{dead[1:]}, {fix}.")
     details = {"redundant_rows": begun.redundant, "start": begun.moved, "singular": plant.ties.singular}
     return replace(result, status=status, values={**result.values, **values},
                    residuals={**result.residuals, **residuals}, details={**result.details, **details},
                    arrays={**arrays, "lam": lam, **wrenches})  # fmt: skip
+
+
+def _dead_at_start(plant, begun):
+    """Which loops begin at a dead point, in words, None where none does."""
+    free = ~np.isin(np.arange(plant.robot.n), plant.driven)
+    dead = dead_point(begun.balance, begun.q, free) if begun.balance else None
+    return dead.sentence if dead else None
 
 
 def _drift(robot, arrays):

@@ -57,7 +57,7 @@ class MovingLengths(LengthQuestion):
         if not self.by_length:
             return
         if isinstance(self.solver, Cvodes):
-            raise Bad("solver", "cvodes cannot hold lengths; use `radau` or `gauss`")
+            raise Bad("solver", "cvodes cannot hold lengths; use `radau`")
         for name in self.start.inputs or {}:
             if name in self.held.names:
                 raise Bad(f"start.inputs.{name}", f"'{name}' is given by its length; leave this key out")

@@ -8,15 +8,17 @@ from typing import Annotated, Any
 import numpy as np
 
 from socontrol.programs.equilibria.held_balance import balance_of
-from socontrol.programs.looks.answer import collapsed, spread
+from socontrol.programs.equilibria.least_energy import rest_of
+from socontrol.programs.looks.answer import Look, collapsed, spread
 from socontrol.programs.motions.charts import Charts
 from socontrol.programs.motions.closed_start import Beginning, Begun
 from socontrol.programs.motions.conditions import Constrained
 from socontrol.programs.motions.cvodes import CvodesMarch
+from socontrol.programs.motions.displacements import displacement_weights
 from socontrol.programs.motions.held_march import HeldMarcher
 from socontrol.programs.motions.integrators import INTEGRATORS, Cvodes, Duration, Marcher, Radau
 from socontrol.programs.motions.loop_answer import with_loops
-from socontrol.programs.motions.massless import displacement_weights, refuse_massless
+from socontrol.programs.motions.massless import refuse_massless
 from socontrol.programs.motions.motion_answer import answered
 from socontrol.programs.motions.moving_lengths import MovingLengths
 from socontrol.programs.motions.plant import Plant
@@ -26,6 +28,7 @@ from socontrol.programs.result import Result, Status
 from socontrol.quantities import Bad, Either, Flag, nearest, record
 
 MOST_OUTPUTS = 200_000
+RESTING = 200  # iterations at most to the shape at rest
 SAMPLES = 2001  # times at which a given motion is held against the limits of its joint
 
 
@@ -95,7 +98,7 @@ class Simulation(MovingLengths):
         if isinstance(self.solver, Cvodes) and len(self.driven) == self.robot.n:
             raise Bad("solver", "all coordinates are driven, so nothing is left to integrate; use `radau`")
         if isinstance(self.solver, Cvodes) and self.robot.loops:
-            raise Bad("solver", "cvodes would let the loops drift open; use `radau` or `gauss`")
+            raise Bad("solver", "cvodes would let the loops drift open; use `radau`")
         self._refuse_early_ends()
         self._refuse_beyond_limits()
         self.refuse_lengths()
@@ -207,7 +210,7 @@ class Simulation(MovingLengths):
         begun = self._begun(plant, self.first_coordinates(), self._rates())
         if begun.status is not None:
             return Result(name=self.name, type="simulation", status=begun.status, question=self)
-        refuse_massless(plant, begun.q if robot.loops else None)
+        refuse_massless(plant, begun.q, begun.balance)
         if robot.loops and self.by_length and not self.start.settled:
             self.refuse_misfit(begun.q)
         plant = self.constrained(plant)
@@ -255,7 +258,9 @@ class Simulation(MovingLengths):
         u = self.vector("inputs", self.start.inputs, "start.inputs") if self.start.inputs else plant.inputs(0.0)
         robot, paths = replace(plant.robot, compiled=False), plant.functions.parameters  # solved once
         balance = balance_of(robot, self.held, paths)
-        answer = balance.solve(u, q, p=p, prescribed={int(i): q[i] for i in plant.driven})
+        guessed = bool(self.held or self.start.coordinates) or not Look(self, balance).conservative(u)
+        prescribed = {int(i): q[i] for i in plant.driven}
+        answer = rest_of(balance, u, q, prescribed, RESTING, guessed=guessed, p=p)[0]
         if answer.status.solved:
             return answer.q, None
         return q, Status(answer.status.outcome, f"No shape at rest to start from. {answer.status.message}")

@@ -7,7 +7,7 @@ to what rows that depend on each other may share among them: the least is told.
 
 import numpy as np
 
-from socontrol.mechanics.loops import independent, slices
+from socontrol.mechanics.loops import independent, loop_of, reach, units_of
 from socontrol.native.buffers import buffered
 from socontrol.programs.equilibria.scaling import scales
 
@@ -24,10 +24,9 @@ class Ties:
         f = robot.functions()
         self.robot, self.moving, self.size = robot, moving, scales(robot).q[moving]
         self._rows, self._closing = buffered(f.loop_motion), buffered(f.closing)
-        self.units = tuple(unit for loop in robot.loops.values() for unit in loop.units)
-        self.turns = np.array(self.units, dtype=object) == "rad"
-        self.metres = np.where(self.turns, robot.length, 1.0)
-        self.reach = np.where(self.turns, 1.0, robot.length)
+        self.units = units_of(robot.loops)
+        self.reach = reach(self.units, robot.length)
+        self.metres = robot.length / self.reach
         self.k = min(len(self.units), moving.size)
         self.T, self.rank = np.zeros((self.k, len(self.units))), -1
         self._looks, self._before, self._most = [], None, 0.0
@@ -55,15 +54,15 @@ class Ties:
 
     def choose(self, t, q):
         """Whether T was chosen anew at q."""
-        A, (rank, _, inverse) = self._split(q)
-        s = 1 / np.linalg.norm(inverse, axis=0)
+        A, split = self._split(q)
+        rank, s = split.rank, split.s
         self._watch(t, q, s[-1] if rank else 1.0)
         if rank == self.rank:
             own = self.T[:rank] / self.metres @ self._scaled(A)
             if not rank or np.linalg.svd(own, compute_uv=False)[-1] >= POOR * s[-1]:
                 return False
         self.rank, self.T[:] = rank, 0.0
-        self.T[:rank] = (inverse * s).T * self.metres
+        self.T[:rank] = split.U.T * self.metres
         return True
 
     def _watch(self, t, q, held):
@@ -104,10 +103,10 @@ class Ties:
 
     def least(self, q, lam):
         """The least multipliers of all rows for those of combinations, and what else driven coordinates feel [n]."""
-        A, (rank, Vt, inverse) = self._split(q)
+        A, split = self._split(q)
         given = -self.T.T @ lam
         force = self.size * (A[:, self.moving].T @ given)
-        found = inverse @ (Vt[:rank] @ force) / self.reach
+        found = split.least(force) / self.reach
         return found, A.T @ (given - found)
 
     def opened(self, q):
@@ -115,6 +114,6 @@ class Ties:
         e = self.error(q)
         apart = np.abs(e) * self.metres / self.robot.length
         worst = int(np.argmax(apart))
-        name = next(name for name, own in slices(self.robot.loops).items() if own.start <= worst < own.stop)
-        told = f"{np.degrees(e[worst]):.3g} deg" if self.turns[worst] else f"{1e3 * e[worst]:.3g} mm"
+        name = loop_of(self.robot.loops, worst)
+        told = f"{np.degrees(e[worst]):.3g} deg" if self.units[worst] == "rad" else f"{1e3 * e[worst]:.3g} mm"
         return name, float(apart[worst]), told

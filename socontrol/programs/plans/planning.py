@@ -5,9 +5,9 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from socontrol.programs.motions.massless import refuse_massless
 from socontrol.programs.motions.plant import Plant
 from socontrol.programs.motions.signals import History
-from socontrol.programs.motions.simulation import refuse_massless
 from socontrol.programs.nlp.solver import NLP
 from socontrol.programs.plans.loosen import loosened
 from socontrol.programs.plans.plan_answer import answered, cleared

@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 
 from socontrol.programs.motions.charts import Charts
+from socontrol.programs.motions.displacements import displacement_weights
 from socontrol.programs.motions.integrators import Marcher, Radau
 from socontrol.programs.motions.motion_answer import ends
 from socontrol.programs.motions.plant import WORKS, Plant
 from socontrol.programs.motions.signals import History
-from socontrol.programs.motions.simulation import displacement_weights
 from socontrol.programs.plans.plan_errors import Finer, between, needed, order, positions
 from socontrol.programs.result import Status, Value
 

@@ -76,9 +76,12 @@ class ClosedRows:
 
     def least(self, q, lam):
         """The least multipliers [k] that push as lam does."""
-        rank, _, inverse = self.balance.split(q, self.free)
-        U = inverse / np.linalg.norm(inverse, axis=0)
-        return U @ (U.T @ (lam / self.scale)) * self.scale if rank else 0 * lam
+        U = self.balance.split(q, self.free).U
+        return U @ (U.T @ (lam / self.scale)) * self.scale
+
+    def bear(self, lam):
+        """Whether multipliers [k] stand on the rows asked for alone."""
+        return not np.any(np.delete(lam, self.index))
 
     def error(self, q):
         """Largest scaled error of all rows at q."""

@@ -6,11 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from socontrol.programs.equilibria.balance import Balance
 from socontrol.programs.equilibria.branches import follow
-from socontrol.programs.equilibria.closed_balance import ClosedBalance
 from socontrol.programs.equilibria.critical import Finder
 from socontrol.programs.equilibria.family import Family
+from socontrol.programs.equilibria.held_balance import balance_of
 from socontrol.programs.looks.answer import Look
 from socontrol.programs.postures.branch_answer import answered
 from socontrol.programs.postures.goals import locate
@@ -26,8 +25,8 @@ class Continuation(Question):
 
     vary: what grows, `from` one value `to` another; branches: how many are followed of those that leave from
     bifurcations, in the order in which these are found (two along each mode); points: at most so many on a branch;
-    watch: the place whose displacement is plotted (default: the last segment's end). A branch that turns back ends as
-    far below `from` as `to` is above it.
+    watch: the place whose displacement is plotted (default: the one that moves farthest). A branch that turns back ends
+    as far below `from` as `to` is above it.
     """
 
     vary: Vary
@@ -46,25 +45,30 @@ class Continuation(Question):
             self.coordinate_limits()
         if not np.any(self.free):
             raise Bad("coordinates", "every coordinate is given, so that no equilibrium is sought")
-        try:
-            locate(self.robot, self.watched)
-        except Bad as bad:
-            raise Bad(f"watch.{bad.key}", str(bad)) from None
+        if self.watch is not None:
+            try:
+                locate(self.robot, self.watch)
+            except Bad as bad:
+                raise Bad(f"watch.{bad.key}", str(bad)) from None
 
     @cached_property
     def varied(self):
         """Varied: what changes, read and checked."""
         return varied(self)
 
-    @property
-    def watched(self):
-        return self.watch or Watch(on=self.robot.segments[-1])
-
     @cached_property
     def locked(self):
         """{index: value} of the coordinates that are held, the one that varies among them at its beginning."""
         growth, locked = self.varied.growth, dict(self.named("coordinates", self.coordinates))
         return {**locked, growth.index: growth.start} if growth.kind == "coordinate" else locked
+
+    @property
+    def acting(self):
+        """Inputs [m], one that varies at an end of its range where it is not zero."""
+        growth, u = self.varied.growth, self.vector("inputs", self.inputs)
+        if growth.kind == "input":
+            u[growth.index] = growth.stop or growth.start
+        return u
 
     @property
     def free(self):
@@ -90,22 +94,38 @@ class Tree:
         self.origins.append(origin)
 
 
+def family_of(question):
+    """(Family of the equilibria that a Continuation asks for, the equilibrium at the beginning, its Point; None where
+    there is no equilibrium, or where numbers are not finite)."""
+    growth, balance = question.varied.growth, balance_of(question.loaded, parameters=question.varied.paths)
+    u = question.vector("inputs", question.inputs)
+    p = growth.start * growth.values if growth.kind == "loads" else None
+    if growth.kind == "input":
+        u[growth.index] = growth.start
+    q0 = question.vector("coordinates", question.guess.coordinates, "guess.coordinates")
+    start = balance.solve(u, q0, p, question.locked, question.solver.max_iterations)
+    family = Family(balance, growth, u, question.free, Look(question, balance).conservative(question.acting))
+    if not start.status.solved:
+        return family, start, None
+    lam = getattr(start, "lam", np.zeros(0))
+    return family, start, family.point(start.q, lam, 0.0, np.append(np.zeros(family.size.size), 1.0))
+
+
 class _Search:
     """One call of `Continuation.solve`."""
 
     def __init__(self, question, progress):
-        self.question, self.varied, robot = question, question.varied, question.loaded
-        self.progress = progress or (lambda done, total, sentence: None)
-        self.balance = (ClosedBalance if robot.loops else Balance)(robot, self.varied.paths)
-        self.look = Look(question, self.balance)
+        self.question, self.progress = question, progress or (lambda done, total, sentence: None)
 
     def solve(self):
         began, question = time.perf_counter(), self.question
-        family, start, first = self._begun()
+        family, start, first = family_of(question)
         result = Result(name=question.name, type="continuation", status=start.status, question=question)
         if first is None:
-            told = f"At the beginning, {self.varied.told(0.0)}: {start.status.message}"
-            status = Status("numerical" if start.status.solved else start.status.outcome, told)
+            solved = start.status.solved  # at rest, but its tangent is not finite
+            told = "The model gives NaN or infinity; begin elsewhere." if solved else start.status.message
+            told = f"At the beginning, {question.varied.told(0.0)}: {told}"
+            status = Status("numerical" if solved else start.status.outcome, told)
             solver = {"iterations": start.iterations, "seconds": time.perf_counter() - began}
             return replace(result, status=status, solver=solver)
         tree = Tree(Finder(family))
@@ -113,23 +133,7 @@ class _Search:
         tree.add(follow(family, first, question.points, tree.finder.between))
         self._others(tree)
         solver = {"iterations": start.iterations + family.count, "seconds": time.perf_counter() - began}
-        return answered(replace(result, solver=solver), family, tree, self.look)
-
-    def _begun(self):
-        """(Family, equilibrium at the beginning, its Point or None)."""
-        question, growth, balance = self.question, self.varied.growth, self.balance
-        u = question.vector("inputs", question.inputs)
-        p = growth.start * growth.values if growth.kind == "loads" else None
-        if growth.kind == "input":
-            u[growth.index] = growth.start
-        q0 = question.vector("coordinates", question.guess.coordinates, "guess.coordinates")
-        start = balance.solve(u, q0, p, question.locked, question.solver.max_iterations)
-        acting = np.where((np.arange(u.size) == growth.index) & (growth.kind == "input"), 1.0, u)
-        family = Family(balance, growth, u, question.free, self.look.conservative(acting))
-        if not start.status.solved:
-            return family, start, None
-        lam = getattr(start, "lam", np.zeros(0))
-        return family, start, family.point(start.q, lam, 0.0, np.append(np.zeros(family.size.size), 1.0))
+        return answered(replace(result, solver=solver), family, tree, Look(question, family.balance))
 
     def _others(self, tree):
         """Branches from the bifurcations found so far, and from those found on these."""

@@ -19,6 +19,7 @@ from socontrol.programs.equilibria.scaling import scales
 from socontrol.programs.postures.goals import locate
 from socontrol.programs.postures.statics import Statics
 from socontrol.programs.result import Value
+from socontrol.programs.words import pretty
 from socontrol.quantities import Bad, Fraction, joined, record
 
 KINDS = ("kinematic", "compliance", "actuation", "force")
@@ -32,6 +33,9 @@ PER_COORDINATE = {  # unit of all coordinates: units of what they move, and of t
 MIXED = {"kinematic": ("m per coordinate", "rad per coordinate"),
          "force": ("N per coordinate's force", "N m per coordinate's force")}  # fmt: skip
 OTHERS = {"compliance": ("m/N", "rad/(N m)"), "actuation": ("m", "rad")}
+
+
+FAR = {"translation": 0.2, "rotation": 0.5}  # of the robot's length, and rad: motions that no slope tells
 
 
 class Unbounded(ValueError):
@@ -82,8 +86,9 @@ class Ellipsoids(Statics):
 
 def described(result):
     """The Result of an equilibrium with its ellipsoids: values ellipsoid.KIND.PART.axes and .directions (a row each),
-    arrays ellipsoid.KIND.PART; details: `ellipsoids` = place, kinds, and notes on those it has not."""
-    question, values, arrays, notes = result.question, {}, {}, {}
+    arrays ellipsoid.KIND.PART; details: `ellipsoids` = place, kinds, notes on those it has not, and what of the
+    actuation's semi-axes is `far` beyond where a slope tells the motion."""
+    question, values, arrays, notes, far = result.question, {}, {}, {}, []
     locked = tuple(question.named("coordinates", question.coordinates))
     place = Place(question.loaded, result.arrays["q"], result.arrays["u"], question.on, question.at, locked,
                   question.held, question.input_sizes())  # fmt: skip
@@ -98,8 +103,11 @@ def described(result):
             values[f"{key}.axes"] = Value(ellipsoid.axes.tolist(), ellipsoid.unit)
             values[f"{key}.directions"] = Value(ellipsoid.directions.T.tolist(), "1")
             arrays[key] = ellipsoid.matrix
+            most = FAR[part] * (question.loaded.length if part == "translation" else 1.0)
+            if kind == "actuation" and ellipsoid.axes[0] > most:
+                far.append(pretty(float(ellipsoid.axes[0]), ellipsoid.unit))
     told = {"on": question.on, "at": question.at, "kinds": [k for k in KINDS if f"ellipsoid.{k}.translation" in arrays],
-            "notes": notes}  # fmt: skip
+            "notes": notes, "far": far}  # fmt: skip
     return replace(result, values={**result.values, **values}, arrays={**result.arrays, **arrays},
                    details={**result.details, "ellipsoids": told})  # fmt: skip
 

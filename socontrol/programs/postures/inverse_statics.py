@@ -119,7 +119,10 @@ def _log(attempts):
 
 
 class InverseSolver:
-    """A question made ready: programs built once, solved for changing targets, loads and starts."""
+    """A question made ready: programs built once, solved for changing targets, loads and starts.
+
+    posture: the programs, of the rows of loops that held at the last answer.
+    """
 
     def __init__(self, question):
         self.question = question
@@ -206,7 +209,7 @@ class InverseSolver:
         if posture.overdetermined:
             near = attempt("nearest", posture.nearest, guess=start or self.guess())
             return self._several_starts(parameters, attempt, near, near)
-        if warm is not None and warm.lam_g.size == posture.exact.program.limits()[0].size:
+        if warm is not None and self._alike(warm):
             outcome = attempt("neighbour", posture.exact, warm=warm)
             if outcome.status.solved:
                 return outcome
@@ -223,6 +226,12 @@ class InverseSolver:
         if outcome.status.solved:
             return outcome
         return self._several_starts(parameters, attempt, near, outcome)
+
+    def _alike(self, outcome):
+        """Whether an outcome is one of the exact program: as many rows, those of loops the same."""
+        loops = self.posture.loops
+        same = outcome.lam_g.size == self.posture.exact.program.limits()[0].size
+        return same and (loops is None or loops.bear(outcome.values["lam"]))
 
     def _continuation(self, parameters, attempt):
         """From rest to goal in steps, each from the one before; None where a step fails."""
@@ -243,14 +252,11 @@ class InverseSolver:
     def _several_starts(self, parameters, attempt, near, outcome):
         """Random inputs within the limits, in equilibrium; the exact program, or else the nearest posture of all."""
         rng = np.random.default_rng(self.question.solver.seed)
-        lower, upper = self.posture.limits()["u"]
-        lower = np.where(np.isfinite(lower), lower, -self.balance.scales.u)
-        upper = np.where(np.isfinite(upper), upper, self.balance.scales.u)
         best = near if near.status.solved else None
         if self.posture.overdetermined and best is not None and self.meets(best, parameters):
             return replace(best, status=self._verdict(best, outcome, parameters))
         for k in range(self.question.solver.starts):
-            u = lower + (upper - lower) * rng.random(lower.size)
+            u = self.random_inputs(rng)
             q = self.balance.solve(u, self.rest["q"], prescribed=self.posture.prescribed).q
             guess = self.posture.posed(q if np.all(np.isfinite(q)) else self.rest["q"], u)
             near = attempt(f"nearest, start {k + 1}", self.posture.nearest, guess=guess)
@@ -263,6 +269,13 @@ class InverseSolver:
         if best is None:
             return outcome
         return replace(best, status=self._verdict(best, outcome, parameters))
+
+    def random_inputs(self, rng):
+        """Inputs [m] anywhere within the limits."""
+        lower, upper = self.posture.limits()["u"]
+        lower = np.where(np.isfinite(lower), lower, -self.balance.scales.u)
+        upper = np.where(np.isfinite(upper), upper, self.balance.scales.u)
+        return lower + (upper - lower) * rng.random(lower.size)
 
     def _verdict(self, best, exact, parameters):
         """Status of the nearest posture found when the exact program failed from every start."""

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from socontrol.programs.equilibria.dead_points import relieved
 from socontrol.programs.looks.answer import FORCE_TOLERANCE, LOOP_TOLERANCE
 from socontrol.programs.result import Status, Value
+from socontrol.quantities import joined
 
+MOST_TOLD = 5  # runs of waypoints in a sentence
 CLOSED = 1e-6  # of its length: a path that ends this near to its beginning is closed
 
 
@@ -109,12 +112,15 @@ class Seen:
     def __init__(self, solver, outcome, parameters, look):
         arrays, _ = solver.posture.told(outcome)
         q, u, lam, free = arrays["q"], arrays["u"], arrays.get("lam"), solver.posture.free
+        lam, dead = relieved(look.balance, q, free, lam)
         found = look.residuals(q, u, free, lam)
         self.lam, self.force, self.open = lam, found["force"].value, found["loops"].value if "loops" in found else 0.0
         self.stable = look.stability(q, u, free, lam).stable
         collapsed = look.collapsed(q)
         self.wrong = None
-        if not self.force <= FORCE_TOLERANCE:
+        if dead and not self.force <= FORCE_TOLERANCE:
+            self.wrong = f"{dead.refusal[0].lower()}{dead.refusal[1:]}"
+        elif not self.force <= FORCE_TOLERANCE:
             self.wrong = f"the recomputed unbalanced force is {self.force:.2g} of the largest; use more Gauss points"
         elif not self.open <= LOOP_TOLERANCE:
             self.wrong = f"a recomputed loop is {self.open:.2g} m or rad open; give a guess"
@@ -134,9 +140,22 @@ def _status(done, last, seen):
         return done.stopped
     if not last.solved:
         return Status(last.outcome, f"Waypoint {len(done.rows) + 1} of {count}: {last.message}")
-    loose = [str(k + 1) for k, look in enumerate(seen) if not look.stable]
-    unstable = f" Not stable at {', '.join(loose[:5])}{' ...' if len(loose) > 5 else ''}." if loose else ""
-    return Status("solved", f"All {count} waypoints solved.{unstable}")
+    return Status("solved", f"All {count} waypoints solved.{unstable_at([look.stable for look in seen])}")
+
+
+def unstable_at(stable):
+    """` Not stable at waypoints 3 to 7 and 9.`: where the waypoints [K] are not, nothing where all are."""
+    loose, runs = [k + 1 for k, stands in enumerate(stable) if not stands], []
+    if not loose:
+        return ""
+    if len(loose) == len(stable):
+        return f" Stable at none of the {len(stable)} waypoints."
+    for k in loose:
+        runs[-1:] = [(runs[-1][0], k)] if runs and runs[-1][1] == k - 1 else [*runs[-1:], (k, k)]
+    told = [f"{a} to {b}" if b > a else f"{a}" for a, b in runs[:MOST_TOLD]]
+    others = sum(b - a + 1 for a, b in runs[MOST_TOLD:])
+    told += [f"{others} more"] if others else []
+    return f" Not stable at waypoint{'s' * (len(loose) > 1)} {joined(told, 'and')}."
 
 
 def gathered(solver, done, look_at=None):

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from socontrol.programs.equilibria.dead_points import relieved
 from socontrol.programs.equilibria.held_balance import balance_of
-from socontrol.programs.equilibria.least_energy import least_rest, undecided
+from socontrol.programs.equilibria.least_energy import rest_of
 from socontrol.programs.equilibria.lengths import LengthQuestion
-from socontrol.programs.looks.answer import FORCE_TOLERANCE, LOOP_TOLERANCE, Look
+from socontrol.programs.looks.answer import FORCE_TOLERANCE, LOOP_TOLERANCE, Look, overstretched
 from socontrol.programs.result import Result, Status, Value
 from socontrol.quantities import joined, record
 
@@ -65,19 +66,10 @@ class StaticsSolver:
         return self._told_of_lengths(result, answer) if question.held else result
 
     def _answer(self, u, q0, limit):
-        """(equilibrium from q0, {}); where loops may close in several ways and no guess says how, the one of least
-        energy among several, and what was tried."""
-        robot, balance = self.question.robot, self.balance
-        told = self.question.held or self.question.guess.coordinates or not self.look.conservative(u)
-        if not robot.loops or told or not undecided(balance, self.prescribed):
-            return balance.solve(u, q0, prescribed=self.prescribed, max_iterations=limit), {}
-        answer, tried = least_rest(
-            balance, u, self.prescribed, lambda a: self.look.stability(a.q, u, self.free, a.lam).stable, limit
-        )
-        if tried["rests"] > 1:
-            message = f"{answer.status.message} Of {tried['rests']} rests found it has the least energy"
-            answer = replace(answer, status=replace(answer.status, message=f"{message}; a `guess` leads to others."))
-        return answer, tried
+        """(equilibrium, what was tried of rests where loops may close in several ways); see `rest_of`."""
+        question = self.question
+        guessed = bool(question.held or question.guess.coordinates) or not self.look.conservative(u)
+        return rest_of(self.balance, u, q0, self.prescribed, limit, guessed=guessed)
 
     def _told_of_lengths(self, result, answer):
         """The result with what its lengths leave open: slack cables, and tensions that they do not decide."""
@@ -101,10 +93,15 @@ class StaticsSolver:
 def looked_at(result, look, free, prescribed, residuals=None):
     """The result with values, residuals, stability, discretisation; rejected if the recomputed force is too large."""
     q, u, lam = result.arrays["q"], result.arrays["u"], result.arrays.get("lam")
+    lam, dead = relieved(look.balance, q, free, lam)
+    if dead:
+        result = replace(result, arrays={**result.arrays, "lam": lam})
     residuals = {**(residuals or {}), **look.residuals(q, u, free, lam)}
     status, collapsed = result.status, look.collapsed(q)
     judged = status.outcome in ("solved", "infeasible")  # else what stopped the solver stays the status
-    if judged and not residuals["force"].value <= FORCE_TOLERANCE:
+    if judged and dead and not residuals["force"].value <= FORCE_TOLERANCE:
+        status = Status("rejected", f"{dead.refusal}.")
+    elif judged and not residuals["force"].value <= FORCE_TOLERANCE:
         status = Status(
             "rejected",
             f"The recomputed unbalanced force is {residuals['force'].value:.2g} of the largest force, above"
@@ -126,6 +123,10 @@ def looked_at(result, look, free, prescribed, residuals=None):
         status = Status(
             "solved", f"{status.message} The equilibrium is {stable.word}: a disturbance may carry it away."
         )
+    if status.solved and (stretched := overstretched(look.robot, q)):
+        told = joined([f"{name} is {'stretched' if x > 0 else 'shortened'} by {100 * abs(x):.0f} %"
+                       for name, x in stretched.items()], "and")  # fmt: skip
+        status = Status("solved", f"{status.message} {told}, farther than a linear law holds.")
     limits = look.limits_reached(q, u)
     past = [row["name"] for row in limits if row["beyond"]]
     if status.solved and past:
@@ -144,7 +145,7 @@ def looked_at(result, look, free, prescribed, residuals=None):
             name, unit = look.robot.coordinates[i], look.robot.coordinate_units[i]
             values[f"holding.{name}"] = Value(float(r[i]), units.get(unit, "conjugate"))
     if look.question.discretisation and status.solved:
-        details["discretisation"] = look.doubled(q, u, prescribed)
+        details["discretisation"] = look.doubled(q, u, prescribed, stable.stable)
     along = look.cables(q, u)
     arrays = {**result.arrays, **{f"cable.{name}.s": s for name, (s, _) in along.items()},
               **{f"cable.{name}.tension": tension for name, (_, tension) in along.items()}}  # fmt: skip

@@ -2,21 +2,25 @@
 
 import numpy as np
 
+from socontrol.programs.postures.lifted import Lifted
 from socontrol.programs.result import Result, Status, Value
 from socontrol.programs.words import pretty, would_need
 
-PULL = 1e4  # weight of moving the limit, beside an effort of order 1: its smallest move is found, nearly
-WIDER = 1e3  # a limit is let go to this many times its span, so that the program stays bounded
+MOST = 4  # inputs whose limits are lifted, one after the other, where none is reached
+SAME = 1e-7  # of the robot's length, or radians: goals whose numbers change less are not moved
 
 
 def explain(solver, result, outcome, parameters):
     """The result of an infeasible goal with `details["unreachable"]` and a message that names the limits."""
-    posture, robot = solver.posture, solver.question.robot
+    posture, robot, search = solver.posture, solver.question.robot, Lifted(solver, outcome, parameters)
+    too_many = posture.overdetermined and counted(solver, outcome, parameters) > posture.counts[1]
     rows = []
-    for limit in [] if posture.overdetermined else result.details["limits"]:
-        needed = _alone(solver, limit, outcome, parameters)
+    for limit in [] if too_many else result.details["limits"] or _others(solver):
+        needed = search.alone(limit)
+        if not limit.get("reached", True) and (needed is None or needed <= limit["limit"]):
+            continue
         pulls = limit["kind"] == "input" and bool(robot.pulls[limit["index"]])
-        known = {k: limit[k] for k in ("kind", "name", "side", "limit")}
+        known = {k: limit[k] for k in ("kind", "name", "side", "limit")} | {"reached": limit.get("reached", True)}
         rows.append({**known, "needed": needed, "unit": _unit(robot, limit), "pulls": pulls})
     short = {}
     for name, miss in posture.misses(outcome.values["q"], parameters).items():
@@ -27,12 +31,21 @@ def explain(solver, result, outcome, parameters):
     short |= {f"lengths.{name}": {"m": gap} for name, gap in gaps.items()}
     values = {f"short.{n}": Value(x, unit) for n, by_unit in short.items() for unit, x in list(by_unit.items())[:1]}
     details = {**result.details, "unreachable": rows, "short": short}
-    sentence = _too_many(short, *posture.counts) if posture.overdetermined else _sentence(short, rows)
+    sentence = _too_many(short, *posture.counts) if too_many else _sentence(short, rows)
     if all(row["needed"] is None or _pushes(row) for row in rows):
-        details["together"] = together = _together(solver, result.details["limits"], outcome, parameters)
+        details["together"] = together = _together(search, result.details["limits"], rows)
         sentence += _joint(together, rows)
     status = Status("infeasible", sentence)
     return Result(**{**vars(result), "status": status, "details": details, "values": {**result.values, **values}})
+
+
+def _others(solver):
+    """Upper limits of the free inputs, where the nearest posture stands on none: what is nearer may be beyond them."""
+    lower, upper = solver.posture.limits()["u"]
+    free = np.flatnonzero((lower < upper) & np.isfinite(upper))
+    names = solver.question.robot.inputs
+    return [{"kind": "input", "name": names[i], "side": "upper", "limit": float(upper[i]), "index": int(i),
+             "reached": False} for i in free[:MOST]]  # fmt: skip
 
 
 def _unit(robot, limit):
@@ -40,55 +53,37 @@ def _unit(robot, limit):
     return units[limit["index"]]
 
 
-def _alone(solver, limit, outcome, parameters):
-    """The value nearest its limit with which the goal is met when this limit alone is lifted; None if it is not met."""
-    posture = solver.posture
-    bounds = posture.limits()
-    key, side = ("u", "q")[limit["kind"] == "coordinate"], limit["side"] == "upper"
-    lower, upper = bounds[key]
-    span = upper[limit["index"]] - lower[limit["index"]]
-    span = span if np.isfinite(span) and span > 0 else max(1.0, abs(limit["limit"]))
-    bounds[key][side][limit["index"]] += (1 if side else -1) * WIDER * span
-    program, nlp = posture.freed.program, posture.freed
-    place = program.variables[key].where.start + limit["index"]
-    pull, anchor = np.zeros(program.scale.size), np.zeros(program.scale.size)
-    pull[place], anchor[place] = PULL, limit["limit"] / program.scale[place]
-    for start in (outcome.values, solver.rest):
-        found = nlp.solve(guess=start, parameters={**parameters, "pull": pull, "anchor": anchor}, bounds=bounds)
-        if found.status.outcome == "interrupted":
-            raise KeyboardInterrupt
-        sound = found.status.solved and not solver.look.collapsed(found.values["q"])
-        if sound and solver.meets(found, parameters):
-            return float(found.values[key][limit["index"]])
-    return None
-
-
-def _together(solver, limits, outcome, parameters):
-    """{input: value} of least effort that meets the goals when the upper limits of all these inputs are lifted; {} if
-    they are missed even so, None where no input is at an upper limit."""
-    posture, bounds = solver.posture, solver.posture.limits()
+def _together(search, limits, rows):
+    """What `Lifted.together` finds for the inputs at an upper limit; None where there is none, or one already tried."""
     lifted = [limit["index"] for limit in limits if limit["kind"] == "input" and limit["side"] == "upper"]
-    if not lifted:
-        return None
-    lower, upper = bounds["u"]
-    allowed = upper.copy()
-    upper[lifted] += WIDER * np.maximum(upper - lower, 1e-3 * np.max(upper - lower))[lifted]
-    nlp = posture.nearest if posture.overdetermined else posture.exact
-    for start in (outcome.values, solver.rest):
-        found = nlp.solve(guess=start, parameters=parameters, bounds=bounds)
-        if found.status.outcome == "interrupted":
-            raise KeyboardInterrupt
-        sound = found.status.solved and not solver.look.collapsed(found.values["q"])
-        if sound and solver.meets(found, parameters):
-            u = found.values["u"]
-            return {posture.robot.inputs[i]: float(u[i]) for i in lifted if u[i] > allowed[i]}
-    return {}
+    return search.together(lifted) if lifted and (len(lifted) > 1 or not rows) else None
+
+
+def counted(solver, outcome, parameters):
+    """How many numbers the unweighted goals ask for that depend neither on each other nor on what the robot is: of a
+    robot in a plane, those in it. All of them where what it misses is what no inputs change."""
+    posture, length = solver.posture, solver.question.robot.length
+    goals = {name: goal for name, goal in posture.goals.items() if goal.weight is None}
+    scale = np.concatenate([np.array(goal.scales(length)) for goal in goals.values()])
+
+    def missed(q):
+        found = posture.misses(q, parameters)
+        return np.concatenate([found[name] for name in goals]) / scale
+
+    here, rng = missed(outcome.values["q"]), np.random.default_rng(solver.question.solver.seed)
+    shapes = [solver.rest["q"]]
+    for _ in range(here.size + 1):
+        answer = solver.balance.solve(solver.random_inputs(rng), solver.rest["q"], prescribed=posture.prescribed)
+        shapes += [answer.q] if answer.status.solved else []
+    U, s, _ = np.linalg.svd(np.array([missed(q) - here for q in shapes]).T)
+    rank = int(np.sum(s > SAME * max(1.0, s[0])))
+    return rank if np.linalg.norm(U[:, rank:].T @ here) <= SAME else here.size
 
 
 def _joint(together, rows):
     """The sentence on what all limits together would have to be."""
     if not together:
-        return "" if together is None else " Higher limits of all these inputs together do not help either."
+        return "" if together is None else " Nor was a way found by higher limits of all these inputs together."
     limits = {row["name"]: row for row in rows if row["side"] == "upper"}
     told = [would_need(name, pretty(x, limits[name]["unit"]), pretty(limits[name]["limit"], limits[name]["unit"]))
             for name, x in together.items()]  # fmt: skip
@@ -101,9 +96,11 @@ def _misses(short):
 
 
 def _too_many(short, asked, free):
+    numbers = "1 number" if asked == 1 else f"{asked} numbers"
+    inputs = "1 input is" if free == 1 else f"{free} inputs are"
     return (
-        f"Out of reach: the goals ask for {asked} numbers and {free} inputs are free, the nearest posture misses"
-        f" {_misses(short)}; give a goal a weight, or leave coordinates null."
+        f"Out of reach: the goals ask for {numbers} and {inputs} free, the nearest posture misses {_misses(short)};"
+        " give a goal a weight, or leave coordinates null."
     )
 
 
@@ -111,7 +108,8 @@ def _sentence(short, rows):
     text = f"Out of reach: the nearest posture misses {_misses(short)}."
     for row in rows:
         text += f" {_needed(row)}."
-    return text if rows else text + " No limit is reached: the robot's geometry or load forbids it; move the goal."
+    none = " No limit is reached: the robot's geometry or load seems to forbid it; move the goal."
+    return text if rows else text + none
 
 
 def _pushes(row):
@@ -123,10 +121,10 @@ def _needed(row):
     """What one limit alone would have to be, in words: tensions by what the cable would need."""
     limit = pretty(row["limit"], row["unit"])
     if row["needed"] is None:
-        return f"{row['name']} is at its {row['side']} limit {limit}: not by this limit alone"
-    if not row["pulls"]:
+        return f"{row['name']} is at its {row['side']} limit {limit}: no way found by this limit alone"
+    if not row["pulls"] and row["reached"]:
         needed = pretty(row["needed"], row["unit"])
         return f"{row['name']} is at its {row['side']} limit {limit}: alone it would have to be {needed}"
     if _pushes(row):
         return f"{row['name']} is slack and would have to push with {pretty(-row['needed'], 'N')}"
-    return would_need(row["name"], pretty(row["needed"], "N"), limit)
+    return would_need(row["name"], pretty(row["needed"], row["unit"]), limit)

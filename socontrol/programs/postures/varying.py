@@ -68,13 +68,19 @@ class Varied:
             found.append((load or "gravity", float(np.linalg.norm(numbers)), unit))
         return found
 
+    @property
+    def names(self):
+        """Names of the loads that the factor multiplies; `gravity` is one."""
+        return list(dict.fromkeys(name for name, _, _ in self.forces))
+
     def told(self, s):
         """`factor 2.467 (tip 0.617 N)`, `t0 at 3 N`."""
         mu = self.growth.at(s)
         if self.growth.kind != "loads":
             return f"{self.name} = {pretty(mu, self.growth.unit)}"
         forces = self.forces
-        told = f" ({forces[0][0]} {pretty(mu * forces[0][1], forces[0][2])})" if len(forces) == 1 else ""
+        parts = joined([pretty(mu * size, unit) for _, size, unit in forces], "and")
+        told = f" ({self.names[0]} {parts})" if len(self.names) == 1 else ""
         return f"factor {mu:.5g}{told}"
 
 

@@ -109,14 +109,17 @@ class Fitter:
         K = np.array(ca.DM(Statics(robot, ca.DM(zero)).stiffness()))
         M, _, _ = plant.yielding(zero, zero, np.zeros(robot.m))
         self._size = s.q[plant.free]
-        self._stiffness = (K + M * self._yielding)[grid] * np.outer(self._size, self._size) / s.energy
-        self._whole = None if loops else self._units(np.eye(self._size.size))
-
-    def _units(self, Z):
-        """Displacements [n_f x d] along Z, of unit energy at q = 0."""
-        values, V = np.linalg.eigh(Z.T @ self._stiffness @ Z)
+        values, V = np.linalg.eigh((K + M * self._yielding)[grid] * np.outer(self._size, self._size) / s.energy)
         values = np.maximum(values, FLAT * np.max(values, initial=0.0))
-        return self._size[:, None] * (Z @ V) / np.sqrt(values)
+        self._unit = self._size[:, None] * V / np.sqrt(values)  # displacements [n_f x n_f] of unit energy at q = 0
+        self._stiffness = V * values @ V.T
+
+    def _units(self, q):
+        """Displacements [n_f x d] that loops leave at q, of unit energy at q = 0."""
+        if not self.loops:
+            return self._unit
+        Z = self.loops.left(q)
+        return self._size[:, None] * (Z @ np.linalg.inv(np.linalg.cholesky(Z.T @ self._stiffness @ Z)).T)
 
     def closed(self, motion):
         """The motion with its loops closed, None where they do not close."""
@@ -133,10 +136,9 @@ class Fitter:
     def fit(self, motion, k, near, limits=None):
         """Fit at sample k of a Wanted motion; `near`: inputs at about this time."""
         own, plant, state = self._own, self.plant, motion.state(k)
+        unit = self._units(state[0])
         M, K, _ = plant.yielding(*state[:2], near)
-        unit = self._whole
         if self.loops:
-            unit = self._units(self.loops.left(state[0]))
             K = K - self.loops.turning(state[0], self.loops.shared(state[0], plant.missing(*state, near))[0])
         columns = plant.columns(*state, self.size) * self.size
         forces = np.column_stack([columns, -plant.missing(*state, 0 * near)])[own]

@@ -1,4 +1,8 @@
-"""Tensions of a motion: inverse dynamics within limits, and the motion simulated again under them."""
+"""Tensions of a motion: inverse dynamics within limits, and the motion simulated again under them.
+
+    r(q, q', q'', u) = A^T lam,    e(q) = 0,
+the second line and lam where loops close the robot: the wanted motion is put onto closed loops first.
+"""
 
 import time
 from contextlib import contextmanager
@@ -10,11 +14,13 @@ import numpy as np
 from socontrol.native.buffers import buffered
 from socontrol.programs.equilibria.scaling import scales
 from socontrol.programs.looks.answer import SMALLEST_FORCE
+from socontrol.programs.motions.displacements import displacement_weights
+from socontrol.programs.motions.massless import refuse_massless
 from socontrol.programs.motions.motion_answer import ends
-from socontrol.programs.motions.simulation import displacement_weights, refuse_massless
 from socontrol.programs.plans.replay import deviations
 from socontrol.programs.postures.goals import Path, Point
 from socontrol.programs.result import Result, Status, Value
+from socontrol.programs.tensions.closed_motion import Closing, bearing, of_coordinates
 from socontrol.programs.tensions.pace import Pace
 from socontrol.programs.tensions.tension_fit import Fitter, Tracked
 from socontrol.programs.tensions.tension_passes import PASSES, Hurry, needed, passed, sampled
@@ -30,12 +36,13 @@ LOOKS = 200  # samples at which a given motion is held against what a section ca
 
 @dataclass(frozen=True)
 class Course:
-    """What is asked: the wanted motion, what is tracked on it, inputs at about its beginning; of a path its Way, its
-    name, and the Result of its waypoints at rest."""
+    """What is asked: the wanted motion, what is tracked on it, inputs at about its beginning; of a robot with loops
+    its Closing; of a path its Way, its name, and the Result of its waypoints at rest."""
 
     wanted: Wanted
     tracked: Tracked
     near: np.ndarray
+    loops: Closing | None = None
     way: Any = None
     name: str = ""
     before: Result | None = None
@@ -49,23 +56,29 @@ def driven(question, progress=None):
         return course
     drive = Drive(question, course)
     status = drive.run(progress)
-    return Result(
+    result = Result(
         name=question.name, type=question.asked, status=status, question=question, arrays=drive.arrays,
         values=drive.values, details=drive.details, log=course.before.log if course.before else "",
         solver={"iterations": drive.passes, "seconds": time.perf_counter() - began, **drive.clock},
     )  # fmt: skip
+    return bearing(result, course.loops, drive.plant) if course.loops else result
 
 
 def _of_coordinates(question):
-    """Course of coordinates given in time; all ends of the robot are tracked."""
+    """Course of coordinates given in time, loops closed by the others; all ends of the robot are tracked."""
     robot = question.loaded
     histories, held, t = question.motion.read(question)
     motion = Wanted(t, *of_histories(robot, histories, held, t), np.zeros((len(t), 0)), np.zeros((len(t), robot.m)))
+    loops = Closing.of(question)
+    if loops:
+        motion, status = of_coordinates(question, loops, motion, list(histories))
+        if status is not None:
+            return Result(name=question.name, type=question.asked, status=status, question=question)
     _refuse_beyond(question, motion)
     there = ends(robot, robot.functions(), {"q": motion.q})
     targets = np.column_stack([there[f"{segment}.position"] for segment in robot.segments])
     goals = {segment: Point(on=segment, target=(0.0, 0.0, 0.0)) for segment in robot.segments}
-    return Course(replace(motion, targets=targets), Tracked(robot, goals), np.zeros(robot.m))
+    return Course(replace(motion, targets=targets), Tracked(robot, goals), np.zeros(robot.m), loops)
 
 
 def _refuse_beyond(question, motion):
@@ -75,7 +88,10 @@ def _refuse_beyond(question, motion):
     for k, i in np.argwhere((motion.q < lower - room) | (motion.q > upper + room))[:1]:
         between = f"[{lower[i]:g}, {upper[i]:g}]"
         told = f"{motion.q[k, i]:.6g} at t = {motion.t[k]:g} s is outside the limits of the joint, {between}"
-        raise Bad(f"motion.coordinates.{robot.coordinates[i]}", told)
+        name = robot.coordinates[i]
+        if name not in question.motion.coordinates:
+            raise Bad("motion.coordinates", f"closed, the loops put {name} where it cannot be: {told}")
+        raise Bad(f"motion.coordinates.{name}", told)
     for k in np.unique(np.linspace(0, len(motion.t) - 1, LOOKS).astype(int)):
         if over := robot.overstrained(motion.q[k]):
             told = f"section {over[0]} would turn too far at t = {motion.t[k]:g} s; a section holds for up to 2 pi"
@@ -85,7 +101,8 @@ def _refuse_beyond(question, motion):
 def _of_path(question, progress):
     """Course of a path in its timing, its waypoints solved at rest first; their Result where that fails."""
     asked = replace(question, motion=None, discretisation=False)
-    before = asked.prepare().solve(progress=progress)
+    solver = asked.prepare()
+    before = solver.solve(progress=progress)
     if not before.status.solved:
         return replace(before, question=question)
     robot = question.loaded
@@ -100,7 +117,12 @@ def _of_path(question, progress):
     tracked = Tracked(robot, {name: path.stop(waypoints[0]), **others})
     u, when = (before.arrays[key] for key in ("path.u", "path.t"))
     rest = np.column_stack([np.interp(t, when, own) for own in u.T])
-    return Course(Wanted(t, *way.timed(question.timing, t), targets, rest), tracked, u[0], way, name, before)
+    motion, status = Wanted(t, *way.timed(question.timing, t), targets, rest), None
+    if loops := Closing.of(question, solver.balance):
+        motion, status = loops.closed(motion)
+    if status is not None:
+        return replace(before, question=question, status=status)
+    return Course(motion, tracked, u[0], loops, way, name, before)
 
 
 class Drive:
@@ -122,7 +144,8 @@ class Drive:
         """Status; arrays, values and details are filled as far as it came."""
         question, course, simulate = self.question, self.course, self.question.motion.simulate
         if simulate:
-            refuse_massless(self.plant)
+            closed = (course.wanted.q[0], course.loops.balance) if course.loops else ()
+            refuse_massless(self.plant, *closed)
         fitter = self._fitter(self._rates())
         try:
             most = PASSES if course.way else 1  # what is given stays as it is given
@@ -178,7 +201,7 @@ class Drive:
 
     def _fitter(self, rates):
         wanted = self.course.wanted
-        return Fitter(self.plant, self.course.tracked, self._limits(), rates, float(wanted.t[-1]))
+        return Fitter(self.plant, self.course.tracked, self._limits(), rates, float(wanted.t[-1]), self.course.loops)
 
     def _in_the_way(self, found, allowed):
         """Need or Hurry of an input whose limits lead the robot astray, None where none do; allowed [m]."""
@@ -202,16 +225,25 @@ class Drive:
             "lengths": np.array([lengths(q)[0][0].copy() for q in motion.q]),
             **{f"{segment}.position": there[f"{segment}.position"] for segment in robot.segments},
         }  # fmt: skip
-        unmet, largest, force = np.zeros(motion.q.shape), SMALLEST_FORCE, scales(robot).force
+        unmet, largest, force, lam = np.zeros(motion.q.shape), SMALLEST_FORCE, scales(robot).force, []
         for k, own in enumerate(u):
-            unmet[k, plant.free] = -plant.missing(*motion.state(k), own)[plant.free]
-            wanted = plant.missing(*motion.state(k), 0 * own)[plant.free]
+            pushed, missed = self._left(motion, k, own)
+            wanted = self._left(motion, k, 0 * own)[1]
+            unmet[k, plant.free] = -missed
             largest = max(largest, float(np.max(np.abs(wanted) / force[plant.free], initial=0.0)))
+            lam.append(pushed)
         self.arrays["unmet"] = unmet
+        if course.loops:
+            self.arrays["lam"] = np.array(lam)
         self.values["motion.unmet"] = Value(float(np.max(np.abs(unmet) / force, initial=0.0)) / largest, "1")
         if course.way is not None:
             path, places = self._path, course.way.place(self.question.timing.share(motion.t)[0])
             self.arrays["target"] = path.beside(places, self._tips(motion.q))
+
+    def _left(self, motion, k, u):
+        """lam of loops at sample k of a motion under inputs u [m], None without loops, and the force missing [n_f]."""
+        missing, loops = self.plant.missing(*motion.state(k), u), self.course.loops
+        return loops.shared(motion.q[k], missing) if loops else (None, missing[self.plant.free].copy())
 
     @property
     def _path(self):

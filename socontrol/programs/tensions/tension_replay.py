@@ -6,12 +6,12 @@ import numpy as np
 from socontrol.native.buffers import buffered
 from socontrol.programs.motions.charts import Charts
 from socontrol.programs.motions.conditions import Constrained
+from socontrol.programs.motions.displacements import displacement_weights
 from socontrol.programs.motions.held_march import HeldMarcher
 from socontrol.programs.motions.integrators import Marcher, Radau
 from socontrol.programs.motions.motion_answer import ends
 from socontrol.programs.motions.plant import WORKS, Plant
 from socontrol.programs.motions.signals import History
-from socontrol.programs.motions.simulation import displacement_weights
 from socontrol.programs.motions.ties import Ties
 from socontrol.programs.plans.replay import Replayed
 

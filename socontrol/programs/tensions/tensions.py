@@ -48,8 +48,6 @@ class Tensions(InverseStatics, LengthQuestion):
         if self.compliance is not None:
             self.compliance.check(self)
         if self.motion is not None:
-            if self.robot.loops:
-                raise Bad("motion", "the robot has loops, which tensions of a motion do not know yet; ask for a path")
             self.motion.check(self)
 
     def refuse_goals(self):

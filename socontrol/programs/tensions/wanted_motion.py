@@ -19,7 +19,7 @@ Given = Annotated[Any, Either(Raw, tuple[Raw, ...], Signal)]
 @record(kw_only=True)
 class Motion:
     """A motion in samples `every` so often: of the path in its `timing`, between its waypoints a smooth curve, or of
-    coordinates in time, the others at 0.
+    coordinates in time, the others at 0, or where loops close as near to 0 or to the `guess` as can be.
 
     coordinates: values, histories, or lists at rising `times`; `file`: a plan, a simulation or comma-separated text.
     duration: to the end of the path's timing, or of the lists, where none is given. simulate: the motion again under
