@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from test_continuation import ABOUT, clamped_free, discrete, push, rod, truss
 
 import socontrol as so
@@ -131,6 +132,36 @@ def test_higher_modes_are_told_by_the_stiffness_that_vanishes():
     assert [(row["before"], row["after"]) for row in rows] == [(0, 1), (1, 2), (2, 3)][: len(rows)] and len(rows) >= 2
     assert [row["eigenvalue"] for row in rows] == pytest.approx([0] * len(rows), abs=1e-9)
     assert result.arrays["branch.0.smallest_eigenvalue"][-1] < -1  # which is another
+
+
+@pytest.mark.parametrize("side", [1e-3, 1e-4, 1e-5, 1e-6])
+def test_a_slight_push_aside_bends_the_branch_to_its_side(side):
+    """An upright pendulum on a spring k: k a = P sin a + side cos a. The branch comes near that of the other side,
+    which is unstable and straight ahead."""
+    upright = {"type": "revolute", **ABOUT, "stiffness": STIFFNESS, "tip": {"position": [1, 0, 0]}}
+    loads = {**push("p"), "side": {"type": "wrench", "on": "p", "force": [0, side, 0]}}
+    result = ask({"segments": {"p": upright}, "loads": loads, "gravity": [0, 0, 0]}, 5.0).require()
+    bent = brentq(lambda a: STIFFNESS * a - 5 * np.sin(a) - side * np.cos(a), 1.0, 3.0)
+    assert result.arrays["branch.0.q"][-1] == pytest.approx([bent], abs=1e-9)
+    assert result.arrays["branch.0.stable"].all() and "critical_load" not in result.values
+
+
+def test_a_crank_that_is_driven_to_the_end_of_its_way_is_said_to_turn_back():
+    """Coupler and rocker in line, 0.24 m from pin to pin: cos a = (0.2^2 + 0.22^2 - 0.24^2) / (2 0.2 0.22)."""
+
+    def bar(length, **changes):
+        body = {"mass": 0.4, "com": [length / 2, 0, 0]}
+        return {"type": "revolute", **ABOUT, "body": body, "tip": {"position": [length, 0, 0]}, **changes}
+
+    segments = {"crank": bar(0.2), "coupler": bar(0.12, parent="crank"),
+                "rocker": bar(0.12, placement={"position": [0.22, 0, 0]})}  # fmt: skip
+    pin = {"type": "revolute", **ABOUT, "a": {"segment": "coupler"}, "b": {"segment": "rocker"}}
+    guess = {"coordinates": {"coupler": 0.3, "rocker": 2.0}}
+    robot = {"segments": segments, "loops": {"pin": pin}, "gravity": [0, -9.81, 0]}
+    result = ask(robot, 2.5, {"coordinate": "crank"}, **{"from": 0.5}, guess=guess, points=60)
+    farthest = np.arccos((0.2**2 + 0.22**2 - 0.24**2) / (2 * 0.2 * 0.22))
+    assert farthest - 1e-3 < np.max(result.arrays["branch.0.parameter"]) <= farthest + 1e-9
+    assert "There it turns back" in result.status.message
 
 
 def test_a_column_on_a_swivel_is_held_by_nothing_about_its_axis():

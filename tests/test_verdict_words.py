@@ -1,5 +1,7 @@
 """What an answer says of itself: limits found to help or not, what is no error, strains beyond a law."""
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from socontrol.mechanics.robot import Robot
 from socontrol.programs.postures.paths import unstable_at
 from socontrol.programs.postures.statics import Statics
 
+ROOT = Path(__file__).parent.parent
 E, NECK, HAND = 1e6, 0.1, (1.0, 0.3)  # modulus, length of a flexure, of the stiff part after each
 
 
@@ -62,6 +65,18 @@ def test_a_limit_that_helps_only_beyond_where_the_goal_is_nearest_is_found(limit
     assert result.status.outcome == "infeasible"
     (row,) = result.details["unreachable"]
     assert row["needed"] == pytest.approx(needed, rel=1e-4)
+
+
+def test_limits_that_help_together_are_told_even_where_goals_ask_for_more_numbers_than_inputs():
+    robot = str(ROOT / "configs/robots/parallel_soft_platform.yaml")
+    goals = {"top": {"type": "point", "on": "plate", "target": [0, 0, 0.095]},
+             "level": {"type": "axis", "on": "plate", "axis": [0, 0, 1], "target": [0, 0, 1]}}  # fmt: skip
+    answer = so.solve(so.problem({"type": "inverse_statics", "robot": robot, "goals": goals}))
+    assert not answer.status.solved and answer.status.message.count("would need") == 3
+    needed = answer.details["together"]
+    held = so.solve(so.problem({"type": "statics", "robot": robot, "inputs": needed})).require()
+    assert set(needed) == {"p0", "p1", "p2"} and max(needed.values()) > 60e3
+    assert held["plate.position"] == pytest.approx([0, 0, 0.095], abs=1e-8)
 
 
 def test_what_was_not_found_is_not_said_to_be_impossible():

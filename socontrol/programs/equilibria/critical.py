@@ -22,7 +22,7 @@ NULL = 1e-7  # singular value of H, which is of the size of 1: less is none
 ASLANT = 1e-2  # work: below, another branch may be near, and the point is found from points further off
 NODES, SPREADS = 8, (0.5, 0.1, 0.02)  # of these: how many, and over which share of a step to either side
 SMOOTH = 1e-9  # share of the highest terms of a polynomial through these: of a function that is smooth
-NOTHING = 1e-10  # change of the scaled force: rounding, as where all forces vanish
+NOTHING = 1e-8  # change of the scaled force: rounding, as where all forces vanish
 IDLE = 1e-6  # work of the change of the force on a mode, over the size of that change: less is none
 MET, ALIKE = 1e-4, 0.9  # scaled distance to a known critical point, and cosine between modes: the branch meets it
 SAME = 1e-6  # share of a step: nearer roots are one
@@ -56,7 +56,8 @@ class Finder:
         self.family, self.found = family, []
 
     def between(self, a, b):
-        """[(Point, (index in `found`, whether it was known before))] between neighbours on a branch, in order."""
+        """[(Point, (index in `found`, whether it was known before))] between neighbours on a branch, in order; none
+        where b is on another branch, as it is if its parameter goes on as that of a in spite of a limit point."""
         marks, after, known = [], a.unstable, len(self.found)
         for found, change in self._roots(a, b):
             before, after = after, after + change
@@ -72,6 +73,11 @@ class Finder:
             marks.append((critical.point, (k, k < known)))
         if marks and marks[-1][1][0] >= known and after != b.unstable:  # a change whose place was not found
             self.found[-1] = replace(self.found[-1], after=b.unstable)
+        passed = [self.found[k] for _, (k, _) in marks]
+        turns = sum(critical.kind == "limit point" and critical.work > ASLANT for critical in passed)
+        if turns and turns % 2 != (a.t[-1] * b.t[-1] < 0):
+            del self.found[known:]
+            return []
         return marks
 
     def _roots(self, a, b):

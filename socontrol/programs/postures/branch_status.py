@@ -83,11 +83,21 @@ def _first(family, tree, question):
             return f"Unstable from about {told(unstable.s)} on: {why}."
         return f"Stability is lost before {told(unstable.s)}, but no critical point was found there.{flutter}"
     end, words = told(max(point.s for point in first.points)), called(tree, 0)
+    if _turns(first):
+        ended = "There it turns back, though no motion loses its stiffness: loops are at the end of their way."
+        flutter = f" {ended}{flutter}"
     if not family.conservative:
         return f"Does not diverge up to {end}.{flutter}"
     if words[0] == "marginal" and "marginal" not in words[1:]:
-        return f"Marginal at the beginning, {told(0.0)}, and stable from there up to {end}."
-    return f"{'Marginal' if 'marginal' in words else 'Stable'} up to {end}."
+        return f"Marginal at the beginning, {told(0.0)}, and stable from there up to {end}.{flutter}"
+    return f"{'Marginal' if 'marginal' in words else 'Stable'} up to {end}.{flutter}"
+
+
+def _turns(branch):
+    """Whether the parameter turns back where no critical point is, as that of a crank driven to a dead point."""
+    ahead = [point.t[-1] > 0 for point in branch.points]
+    turns = (k for k in range(len(ahead) - 1) if ahead[k] != ahead[k + 1])
+    return any(not {k, k + 1} & branch.marks.keys() for k in turns)
 
 
 def _at_once(tree, index):

@@ -34,7 +34,9 @@ def explain(solver, result, outcome, parameters):
     sentence = _too_many(short, *posture.counts) if too_many else _sentence(short, rows)
     if all(row["needed"] is None or _pushes(row) for row in rows):
         details["together"] = together = _together(search, result.details["limits"], rows)
-        sentence += _joint(together, rows)
+        if together:  # as many numbers as they are, limits alone forbid them
+            sentence = f"Out of reach: the nearest posture misses {_misses(short)}."
+        sentence += _joint(together, result.details["limits"], robot)
     status = Status("infeasible", sentence)
     return Result(**{**vars(result), "status": status, "details": details, "values": {**result.values, **values}})
 
@@ -80,13 +82,15 @@ def counted(solver, outcome, parameters):
     return rank if np.linalg.norm(U[:, rank:].T @ here) <= SAME else here.size
 
 
-def _joint(together, rows):
+def _joint(together, limits, robot):
     """The sentence on what all limits together would have to be."""
     if not together:
         return "" if together is None else " Nor was a way found by higher limits of all these inputs together."
-    limits = {row["name"]: row for row in rows if row["side"] == "upper"}
-    told = [would_need(name, pretty(x, limits[name]["unit"]), pretty(limits[name]["limit"], limits[name]["unit"]))
-            for name, x in together.items()]  # fmt: skip
+    known = {row["name"]: row for row in limits if row["kind"] == "input" and row["side"] == "upper"}
+    told = []
+    for name, needed in together.items():
+        unit = _unit(robot, known[name])
+        told.append(would_need(name, pretty(needed, unit), pretty(known[name]["limit"], unit)))
     return f" Together they would do: {'; '.join(told)}."
 
 
