@@ -204,7 +204,9 @@ def differences(robot, functions, loaded, rng):
 def test_shipped_robots_in_c_equal_python(name, tmp_path, monkeypatch):
     monkeypatch.setattr(measure, "stack_bytes", lambda *_: None)  # it takes gcc as long as the library does
     robot = so.load_robot(robot_file(name))
-    wanted = ["pose", "jacobian", "external_force", "static_residual", "stiffness", "inverse_dynamics"]
+    wanted = ["pose", "jacobian", "external_force"]
+    if robot.n <= 100:  # larger ones are of the same kinds, and take gcc longer
+        wanted += ["static_residual", "stiffness", "inverse_dynamics"]
     if robot.m and robot.n <= 15:
         wanted += ["forward_dynamics", "actuation", "actuator_lengths", "momentum"]
     if robot.loops and robot.n <= 20:  # where closed chains move, in one expression or in calls
