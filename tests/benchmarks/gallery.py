@@ -85,7 +85,7 @@ PICTURES = {  # problem file: those of its figures to keep
     "octopus_figure_eight": ("robot", "strips"),
     "tip_tracking": ("strips", "path"),
     "finray_press": ("robot",),
-    "finray_buckling": ("branches", "shapes"),
+    "finray_buckling": ("branches",),
     "parallel_soft_platform": ("robot",),
 }
 
