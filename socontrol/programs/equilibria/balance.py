@@ -50,15 +50,20 @@ class Balance:
         self._run()
         return self._r, self._K.T, self._B.T
 
+    def started(self, q0, prescribed):
+        """(q [n] to begin from, mask [n] of what is free); `prescribed` {index: value}."""
+        q = np.zeros(self.robot.n) if q0 is None else np.array(q0, dtype=float)
+        free = np.ones(q.size, dtype=bool)
+        for index, value in (prescribed or {}).items():
+            q[index], free[index] = value, False
+        return q, free
+
     def solve(self, u, q0=None, p=None, prescribed=None, max_iterations=200, settle=True):
         """Equilibrium at inputs u from q0 (default: 0); `prescribed` {index: value} locks coordinates.
 
         Without `settle` the one that Newton's method alone finds, stable or not.
         """
-        q = np.zeros(self.robot.n) if q0 is None else np.array(q0, dtype=float)
-        free = np.ones(q.size, dtype=bool)
-        for index, value in (prescribed or {}).items():
-            q[index], free[index] = value, False
+        q, free = self.started(q0, prescribed)
         u = np.asarray(u, dtype=float)
         solution, count, reached = self._newton(q, u, p, free, None, 40)
         if settle and not (reached and self._stands(solution, u, p, free)):

@@ -131,10 +131,7 @@ class ClosedBalance(Balance):
 
         Without `settle` the one that Newton's method alone finds, stable or not.
         """
-        q = np.zeros(self.robot.n) if q0 is None else np.array(q0, dtype=float)
-        free = np.ones(q.size, dtype=bool)
-        for index, value in (prescribed or {}).items():
-            q[index], free[index] = value, False
+        q, free = self.started(q0, prescribed)
         return _Way(self, np.asarray(u, dtype=float), p, free, max_iterations).solve(q, settle)
 
     def rest_beside(self, u, q, prescribed=None, p=None):
